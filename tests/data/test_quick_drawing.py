@@ -22,7 +22,7 @@ parameters:
   mode: {kind: enumeration, values: [slow, fast, off]}
 constraints:
 """
-    return parse_input_model(text + "".join(f"  r{k}: {{row: \"{rule}\"}}\n" for k, rule in enumerate(rules)), "m.yaml")
+    return parse_input_model(text + "".join(f'  r{k}: {{row: "{rule}"}}\n' for k, rule in enumerate(rules)), "m.yaml")
 
 
 RULES = [

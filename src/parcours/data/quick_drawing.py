@@ -112,7 +112,7 @@ def _holds(code: Code, numbers: Floats, row: Floats, stack: Floats) -> int:
     top = -1
     for i in range(code.shape[0]):
         step = code[i, 0]
-        if step == _NUMBER or step == _INPUT:
+        if step in (_NUMBER, _INPUT):
             top += 1
             stack[top] = numbers[code[i, 1]] if step == _NUMBER else row[code[i, 1]]
             continue
@@ -145,13 +145,13 @@ def _holds(code: Code, numbers: Floats, row: Floats, stack: Floats) -> int:
             a = a * b
         elif step == _SQUARE:
             a = a + b * b
-        elif step == _MIN or step == _MAX:
+        elif step in (_MIN, _MAX):
             a = b if (b < a) == (step == _MIN) else a
         else:
             true = a <= b if step == _UP_TO else a < b
-            if step == _ABOVE or step == _FROM:
+            if step in (_ABOVE, _FROM):
                 true = a > b if step == _ABOVE else a >= b
-            elif step == _SAME or step == _OTHER:
+            elif step in (_SAME, _OTHER):
                 true = (a == b) == (step == _SAME)
             elif step == _AND:
                 true = a != 0.0 and b != 0.0

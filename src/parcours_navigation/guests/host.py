@@ -7,7 +7,6 @@ ends. What it is shown are copies; what it does with them changes nothing but it
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import sys
 from collections import deque
@@ -21,16 +20,18 @@ from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
 from parcours.run.raised import Overdue, place, said
 from parcours.streams import start
-from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
+from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
+from parcours_navigation.guests.concluding import conclude, conclude_later, gaps_of, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
+from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
 from parcours_navigation.guests.windows import Window
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
-from parcours_navigation.requirements.own import BadMeasure, CaseRun
+from parcours_navigation.requirements.own import BadMeasure
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.sensing.detecting import MOST_FALSE
 from parcours_navigation.stage import moving
@@ -49,7 +50,7 @@ from parcours_navigation.stage.memory import (
     size_of,
 )
 from parcours_navigation.stage.moving import GO_ON, NEXT_GOAL, NOT_FINITE, follow, hold
-from parcours_navigation.stage.ticking import begin_any, ground_gap, move_any
+from parcours_navigation.stage.ticking import begin_any, move_any
 
 Floats = NDArray[np.float64]
 Orders = tuple[float, float, Floats | None]
@@ -134,16 +135,65 @@ class Host:
         deadline = Deadline(self._clock, self._setting.call_timeout)
         with deadline, contextlib.redirect_stdout(sys.stderr):
             try:
-                for one in staged:
-                    self._begin(one)
-                    heartbeat.enter(one.number, self._allowed)
-                    done.append(self._run_case_in_time(one, seed, deadline))
-                    self._allowed = self._setting.call_timeout
+                size = self._batch_size
+                for first in range(0, len(staged), size):
+                    group = staged[first : first + size]
+                    facts = self._run_batch_in_time(group, seed, deadline) if size > 1 < len(group) else None
+                    if facts is not None:
+                        done.append(facts)
+                        continue
+                    for one in group:
+                        self._begin(one)
+                        heartbeat.enter(one.number, self._allowed)
+                        done.append(self._run_case_in_time(one, seed, deadline))
+                        self._allowed = self._setting.call_timeout
             finally:
                 end_if_forked(self._pid)
                 heartbeat.leave()
                 self._clock[heartbeat.CASE] = heartbeat.NO_CASE
         return np.frombuffer(bytearray(b"".join(done)), FACTS)
+
+    @property
+    def _batch_size(self) -> int:
+        """How many cases the planner is asked for at once."""
+        batch = self._plugin.batch
+        return 1 if batch is None or self._setting.delay or self._plugin.needs else batch.size
+
+    def _run_batch_in_time(self, group: Sequence[Staged], seed: int, deadline: Deadline) -> bytes | None:
+        """Return the facts of cases that are run in lockstep; None if anything goes wrong in one of them.
+
+        Nobody knows in which: so they are run one after the other then.
+        """
+        batch, setting = self._plugin.batch, self._setting
+        assert batch is not None
+        if not are_alike(group):
+            return None
+        self._begin(group[0])
+        facts, end = None, setting.end_of(group[0])
+        tasks = [_handed_out(one.task, planner_seed(seed, one.number)) for one in group]
+        cases = Lockstep(batch, group, setting.most_track(end), self._clock, self._require_same)
+        heartbeat.enter(heartbeat.MANY, self._allowed)
+        try:
+            deadline.begin(self._allowed)
+            with contextlib.suppress(Overdue):
+                facts = cases.run(tasks, setting.period, end, setting.extension, self.monitor)
+            deadline.end()
+        except Overdue:  # again, while the first was on its way
+            deadline.end()
+        except BadMeasure:
+            raise
+        except BaseException as error:
+            deadline.end()
+            self._require_same()
+            if is_ctrl_c(error):
+                raise
+        self._require_same()
+        canaries.after_case(failed=facts is None)
+        self._allowed = setting.call_timeout
+        return None if facts is None or deadline.rang else facts.tobytes()
+
+    def _require_same(self) -> None:
+        end_if_forked(self._pid)
 
     def _begin(self, staged: Staged) -> None:
         """Put a case into memory, at its beginning; every kernel is compiled before the planner's time counts."""
@@ -212,44 +262,11 @@ class Host:
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
         """Return the track of the last case, array of TRACK of shape (n,), and the bodies' places, (n, k, 2) [m]."""
-        rows, n = recorded(self._memory)
-        track = np.zeros(len(rows), TRACK)
-        for k, name in enumerate(TRACK.names or ()):
-            track[name] = rows[:, k]
-        return track, rows[:, ROW:].reshape(len(rows), n, 2).copy()
+        return track_of(self._memory)
 
     def ground_gaps(self) -> Floats:
         """Return the gap between robot and ground at each entry of the last case's track [m], shape (n,)."""
-        return recorded(self._memory)[0][:, ROW - 1].copy()
-
-    def _measure(self, facts: NDArray[np.void]) -> None:
-        """Fill the measures of the way up to now, at the end of a case."""
-        assert self._staged is not None
-        track, places = self.track()
-        scene, task = self._staged.scene, (self._staged.task, *self._staged.goals)[-1]
-        x, y = task.goal
-        measure(
-            track, places, np.ascontiguousarray(scene.obstacles["radius"]), task.robot_radius, x, y,
-            task.goal_tolerance, int(facts["t_goal"][0]), SAFE_DISTANCE, self.ground_gaps(), facts[0]["measures"],
-        )  # fmt: skip
-
-    def _judge(self, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> None:
-        """Judge requirements over the way up to now, and take the user's own measures, at the end of a case."""
-        rows = recorded(self._memory)[0]
-        moving.present(self._memory, last := np.zeros(rows.shape[1]))
-        if not staged.scene.plain:
-            last[ROW - 1] = ground_gap(self._memory)
-        radii = np.ascontiguousarray(staged.scene.obstacles["radius"])
-        goals, size = tuple(one.goal for one in (staged.task, *staged.goals)), staged.task.robot_radius
-        if monitor.program.roots.size:
-            monitor.judge(staged.number, rows, last, radii, size, goals[-1])
-        if monitor.measures:
-            case = staged.number, *self.track(), radii, self.ground_gaps(), size, goals, facts[0].copy()
-            try:
-                monitor.measure(CaseRun(*case))
-            except Overdue:
-                rule = "they must return within the call timeout, but one did not"
-                raise BadMeasure("measures", rule, "correct it", slug="measure-raised") from None
+        return gaps_of(self._memory)
 
     def _run_case(self, staged: Staged, seed: int, facts: NDArray[np.void]) -> None:
         """Run the case that was begun, and fill its facts, shape (1,)."""
@@ -269,18 +286,12 @@ class Host:
                 end_if_forked(self._pid)
             was_reset = True
             end = self._setting.end_of(staged)
-            over = drive(view, _steps(self._setting.period, 0, end))
-            moving.freeze(self._memory, facts[0])
+            over = drive(view, steps_between(self._setting.period, 0, end))
             frozen = True
-            self._measure(facts)
-            if self.monitor is not None:
-                self._judge(self.monitor, staged, facts)
+            conclude(self._memory, staged, self.monitor, facts)
             if self._setting.extension and not over:
-                later = _steps(self._setting.period, end, end + self._setting.extension)
-                facts["t_goal_after"] = moving.goal_time(self._memory) if drive(view, later) else NEVER
-                moving.touched_later(self._memory, facts[0])
-                soon = int(facts["t_end"][0]) + 1_000_000_000
-                facts["moved_after"] = facts["t_goal_after"] != NEVER or moving.moved_since(self._memory, soon)
+                drive(view, steps_between(self._setting.period, end, end + self._setting.extension))
+                conclude_later(self._memory, facts)
         except (Overdue, BadMeasure):
             raise
         except BadAnswer as error:
@@ -392,12 +403,6 @@ def hung(number: int, time: int, call_timeout: float) -> NDArray[np.void]:
     """Return the facts of a case in which the planner did not answer, shape (1,)."""
     reason = f"hung: no answer within {call_timeout:g} s to the observation at {time * 1e-9:.2f} s"
     return lost(number, PlannerFault.HUNG, reason, time)
-
-
-@functools.lru_cache(maxsize=256)
-def _steps(period: int, first: int, last: int) -> tuple[tuple[float, int], ...]:
-    """Return the observations from `first` to before `last` [ns] as (time [s], when the next one is due [ns])."""
-    return tuple((now * 1e-9, min(now + period, last)) for now in range(first, last, period))
 
 
 def _words(error: BaseException, file: str) -> str:
