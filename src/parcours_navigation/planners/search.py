@@ -73,7 +73,7 @@ def _sink(heap: Ints, places: Ints, costs: Floats, keys: Floats, n: int) -> None
     places[cell] = at
 
 
-@kernel
+@heap_kernel
 def edge_cost(room: Floats, a: int, b: int, length: float, radius: float, soft: float, weight: float) -> float:
     """Return what the step from cell a to b costs, infinite if the robot must not take it; cells by flat index.
 
