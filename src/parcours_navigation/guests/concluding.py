@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.raised import Overdue
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
-from parcours_navigation.requirements.own import BadMeasure, CaseRun
+from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.stage import moving
 from parcours_navigation.stage.memory import ROW, Staged, recorded
@@ -32,8 +31,11 @@ def gaps_of(memory: Floats) -> Floats:
     return recorded(memory)[0][:, ROW - 1].copy()
 
 
-def conclude(memory: Floats, staged: Staged, monitor: Monitor | None, facts: NDArray[np.void]) -> None:
-    """Write down in the facts, shape (1,), how a case stands at its end, and judge its requirements if it has any."""
+def conclude(memory: Floats, staged: Staged, monitor: Monitor | None, facts: NDArray[np.void]) -> CaseRun | None:
+    """Write down in the facts, shape (1,), how a case stands at its end, and judge its requirements if it has any.
+
+    Returns what the user's own measures read of the case; None if there are no such measures.
+    """
     moving.freeze(memory, facts[0])
     track, places = track_of(memory)
     scene, task = staged.scene, (staged.task, *staged.goals)[-1]
@@ -42,8 +44,7 @@ def conclude(memory: Floats, staged: Staged, monitor: Monitor | None, facts: NDA
         track, places, np.ascontiguousarray(scene.obstacles["radius"]), task.robot_radius, x, y,
         task.goal_tolerance, int(facts["t_goal"][0]), SAFE_DISTANCE, gaps_of(memory), facts[0]["measures"],
     )  # fmt: skip
-    if monitor is not None:
-        _judge(memory, monitor, staged, facts)
+    return None if monitor is None else _judge(memory, monitor, staged, facts)
 
 
 def conclude_later(memory: Floats, facts: NDArray[np.void]) -> None:
@@ -54,8 +55,8 @@ def conclude_later(memory: Floats, facts: NDArray[np.void]) -> None:
     facts["moved_after"] = facts["t_goal_after"] != NEVER or moving.moved_since(memory, soon)
 
 
-def _judge(memory: Floats, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> None:
-    """Judge requirements over the way up to now, and take the user's own measures."""
+def _judge(memory: Floats, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> CaseRun | None:
+    """Judge requirements over the way up to now; return what the user's own measures read, None if there are none."""
     rows = recorded(memory)[0]
     moving.present(memory, last := np.zeros(rows.shape[1]))
     if not staged.scene.plain:
@@ -64,10 +65,6 @@ def _judge(memory: Floats, monitor: Monitor, staged: Staged, facts: NDArray[np.v
     goals, size = tuple(one.goal for one in (staged.task, *staged.goals)), staged.task.robot_radius
     if monitor.program.roots.size:
         monitor.judge(staged.number, rows, last, radii, size, goals[-1])
-    if monitor.measures:
-        case = staged.number, *track_of(memory), radii, gaps_of(memory), size, goals, facts[0].copy()
-        try:
-            monitor.measure(CaseRun(*case))
-        except Overdue:
-            rule = "they must return within the call timeout, but one did not"
-            raise BadMeasure("measures", rule, "correct it", slug="measure-raised") from None
+    if not monitor.measures:
+        return None
+    return CaseRun(staged.number, *track_of(memory), radii, gaps_of(memory), size, goals, facts[0].copy())

@@ -18,20 +18,21 @@ from numpy.typing import NDArray
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue, place, said
+from parcours.run.raised import Overdue, is_ctrl_c, place, said
 from parcours.streams import start
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.concluding import conclude, conclude_later, gaps_of, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
 from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
+from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
-from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
+from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
-from parcours_navigation.requirements.own import BadMeasure
+from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.sensing.detecting import MOST_FALSE
 from parcours_navigation.stage import moving
@@ -121,6 +122,7 @@ class Host:
         self._laid: Scene | None = None
         self._head = np.zeros(0)
         self._compiled: set[bool] = set()
+        self._to_measure: CaseRun | None = None
         self.monitor: Monitor | None = None  # judges requirements over the cases that are run, if there are any
 
     @property
@@ -180,8 +182,6 @@ class Host:
             deadline.end()
         except Overdue:  # again, while the first was on its way
             deadline.end()
-        except BadMeasure:
-            raise
         except BaseException as error:
             deadline.end()
             self._require_same()
@@ -258,6 +258,8 @@ class Host:
         if deadline.rang:
             facts[:] = hung(staged.number, int(self._clock[heartbeat.TIME]), self._setting.call_timeout)
         canaries.after_case(failed=bool(facts["error"][0]))
+        if self.monitor is not None and self._to_measure is not None and not facts["error"][0]:
+            take_own(self.monitor, self._to_measure, deadline, self._allowed)
         return facts.tobytes()
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
@@ -280,6 +282,7 @@ class Host:
         drive = self._drive if is_quick else self._drive_any
         facts["number"], facts["t_goal_after"] = number, NEVER
         fault, reason, frozen, was_reset = PlannerFault.NONE, "", False, False
+        self._to_measure = None
         try:
             if plugin.reset is not None:
                 plugin.reset(task)
@@ -288,11 +291,11 @@ class Host:
             end = self._setting.end_of(staged)
             over = drive(view, steps_between(self._setting.period, 0, end))
             frozen = True
-            conclude(self._memory, staged, self.monitor, facts)
+            self._to_measure = conclude(self._memory, staged, self.monitor, facts)
             if self._setting.extension and not over:
                 drive(view, steps_between(self._setting.period, end, end + self._setting.extension))
                 conclude_later(self._memory, facts)
-        except (Overdue, BadMeasure):
+        except Overdue:
             raise
         except BadAnswer as error:
             end_if_forked(self._pid)
