@@ -22,15 +22,13 @@ from parcours.run.raised import Overdue, is_ctrl_c, place, said
 from parcours.streams import start
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
-from parcours_navigation.guests.concluding import conclude, conclude_later, gaps_of, track_of
+from parcours_navigation.guests.concluding import conclude, gaps_of, sum_up_later, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
 from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
-from parcours_navigation.measures.kernel import measure
-from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
 from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
@@ -57,7 +55,7 @@ Floats = NDArray[np.float64]
 Orders = tuple[float, float, Floats | None]
 """What the robot is told to do: forward speed [m/s], yaw rate [rad/s], and the points to follow instead, if any."""
 
-_NO_POINTS = np.zeros((0, 4))
+_NO_POINTS, _FIRST = np.zeros((0, 4)), np.zeros(1, np.int64)
 _PURPOSE = np.uint64(17)
 """Of the random stream from which planners get their seeds."""
 
@@ -122,7 +120,10 @@ class Host:
         self._laid: Scene | None = None
         self._head = np.zeros(0)
         self._compiled: set[bool] = set()
-        self._to_measure: CaseRun | None = None
+        self._to_measure: tuple[CaseRun, ...] = ()
+        batch = None if setting.delay or plugin.needs else plugin.batch
+        self._batch_size = 1 if batch is None else batch.size
+        self._lockstep = None if batch is None else Lockstep(batch, self._clock, lambda: end_if_forked(self._pid))
         self.monitor: Monitor | None = None  # judges requirements over the cases that are run, if there are any
 
     @property
@@ -155,45 +156,41 @@ class Host:
                 self._clock[heartbeat.CASE] = heartbeat.NO_CASE
         return np.frombuffer(bytearray(b"".join(done)), FACTS)
 
-    @property
-    def _batch_size(self) -> int:
-        """How many cases the planner is asked for at once."""
-        batch = self._plugin.batch
-        return 1 if batch is None or self._setting.delay or self._plugin.needs else batch.size
-
     def _run_batch_in_time(self, group: Sequence[Staged], seed: int, deadline: Deadline) -> bytes | None:
         """Return the facts of cases that are run in lockstep; None if anything goes wrong in one of them.
 
         Nobody knows in which: so they are run one after the other then.
         """
-        batch, setting = self._plugin.batch, self._setting
-        assert batch is not None
-        if not are_alike(group):
+        lockstep, setting = self._lockstep, self._setting
+        if lockstep is None or not are_alike(group):
             return None
+        found, end = None, setting.end_of(group[0])
         self._begin(group[0])
-        facts, end = None, setting.end_of(group[0])
+        lockstep.begin(group, setting.most_track(end))
         tasks = [_handed_out(one.task, planner_seed(seed, one.number)) for one in group]
-        cases = Lockstep(batch, group, setting.most_track(end), self._clock, self._require_same)
         heartbeat.enter(heartbeat.MANY, self._allowed)
         try:
             deadline.begin(self._allowed)
             with contextlib.suppress(Overdue):
-                facts = cases.run(tasks, setting.period, end, setting.extension, self.monitor)
+                found = lockstep.run(tasks, setting.period, end, setting.extension, self.monitor)
             deadline.end()
         except Overdue:  # again, while the first was on its way
             deadline.end()
         except BaseException as error:
             deadline.end()
-            self._require_same()
+            end_if_forked(self._pid)
             if is_ctrl_c(error):
                 raise
-        self._require_same()
-        canaries.after_case(failed=facts is None)
-        self._allowed = setting.call_timeout
-        return None if facts is None or deadline.rang else facts.tobytes()
-
-    def _require_same(self) -> None:
         end_if_forked(self._pid)
+        canaries.after_case(failed=found is None)
+        self._allowed = setting.call_timeout
+        if found is None or deadline.rang:
+            return None
+        facts, runs = found
+        for run in runs if self.monitor is not None else ():
+            heartbeat.enter(run.number, self._allowed)
+            take_own(self.monitor, run, deadline, self._allowed)
+        return facts.tobytes()
 
     def _begin(self, staged: Staged) -> None:
         """Put a case into memory, at its beginning; every kernel is compiled before the planner's time counts."""
@@ -209,15 +206,16 @@ class Host:
             lay(self._memory, staged.number, self._allowed, scene, most_track)
             self._head = self._memory[AT_STAGE:AT_PARTS].copy()
             self._windows = [Window(view) for view in observed(self._memory)]
-            self._compile(scene)
+            self._compile(staged)
         self._laid, self._staged = scene, staged
         self._robot, self._rows, self._ranges = (one.array() for one in self._windows)
         (moving.begin_case if scene.plain else begin_any)(self._memory)
         if self._memory is not self._clock:
             self._clock[:3] = self._memory[:3]
 
-    def _compile(self, scene: Scene) -> None:
+    def _compile(self, staged: Staged) -> None:
         """Call every kernel once, so that no compilation counts as a planner's time."""
+        scene = staged.scene
         if scene.plain in self._compiled:
             return
         self._compiled.add(scene.plain)
@@ -231,14 +229,9 @@ class Host:
         else:
             begin_any(memory)
             move_any(memory, 0, 0.0, 0.0, 0.0, _NO_POINTS, True)
-        moving.freeze(memory, facts[0])
-        moving.touched_later(memory, facts[0])
-        moving.moved_since(memory, 0)
-        moving.goal_time(memory)
         moving.present(memory, np.zeros(ROW + 2 * len(scene.obstacles)))
-        track, places = self.track()
-        measure(track, places, np.zeros(places.shape[1]), 0.1, 0.0, 0.0, 0.1, NEVER, SAFE_DISTANCE, np.zeros(0),
-                facts[0]["measures"])  # fmt: skip
+        conclude(memory[np.newaxis], [staged], None, facts)
+        sum_up_later(memory[np.newaxis], _FIRST, facts)
         memory[: len(kept)] = kept
 
     def _run_case_in_time(self, staged: Staged, seed: int, deadline: Deadline) -> bytes:
@@ -258,8 +251,8 @@ class Host:
         if deadline.rang:
             facts[:] = hung(staged.number, int(self._clock[heartbeat.TIME]), self._setting.call_timeout)
         canaries.after_case(failed=bool(facts["error"][0]))
-        if self.monitor is not None and self._to_measure is not None and not facts["error"][0]:
-            take_own(self.monitor, self._to_measure, deadline, self._allowed)
+        for run in self._to_measure if self.monitor is not None and not facts["error"][0] else ():
+            take_own(self.monitor, run, deadline, self._allowed)
         return facts.tobytes()
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
@@ -282,7 +275,7 @@ class Host:
         drive = self._drive if is_quick else self._drive_any
         facts["number"], facts["t_goal_after"] = number, NEVER
         fault, reason, frozen, was_reset = PlannerFault.NONE, "", False, False
-        self._to_measure = None
+        self._to_measure = ()
         try:
             if plugin.reset is not None:
                 plugin.reset(task)
@@ -291,10 +284,10 @@ class Host:
             end = self._setting.end_of(staged)
             over = drive(view, steps_between(self._setting.period, 0, end))
             frozen = True
-            self._to_measure = conclude(self._memory, staged, self.monitor, facts)
+            self._to_measure = conclude(self._memory[np.newaxis], [staged], self.monitor, facts)
             if self._setting.extension and not over:
                 drive(view, steps_between(self._setting.period, end, end + self._setting.extension))
-                conclude_later(self._memory, facts)
+                sum_up_later(self._memory[np.newaxis], _FIRST, facts)
         except Overdue:
             raise
         except BadAnswer as error:

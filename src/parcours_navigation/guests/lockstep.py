@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from parcours.run.heartbeat import TIME
 from parcours_navigation.facts import NEVER
 from parcours_navigation.guests.batch import BatchPlugin
-from parcours_navigation.guests.concluding import conclude, conclude_later
+from parcours_navigation.guests.concluding import conclude, sum_up_later
 from parcours_navigation.guests.planner_facts import FACTS
 from parcours_navigation.protocol import Task
+from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.stage.memory import AT_PARTS, AT_STAGE, Staged, lay, lay_again, recorded, size_of
 from parcours_navigation.stage.moving import GO_ON, begin_all, hold_all
@@ -44,54 +45,62 @@ def steps_between(period: int, first: int, last: int) -> tuple[tuple[float, int]
 
 
 class Lockstep:
-    """A batch of cases at their beginning, each in a row of memory.
+    """Batches of cases, one after the other, in the same memory.
 
     Args:
         clock: the words that are shared with the parent.
         asked: called after each call of the planner.
     """
 
-    def __init__(
-        self, batch: BatchPlugin, staged: Sequence[Staged], most_track: int, clock: Floats, asked: Callable[[], None]
-    ) -> None:
-        self._batch, self._staged, self._clock, self._asked = batch, staged, clock, asked
+    def __init__(self, batch: BatchPlugin, clock: Floats, asked: Callable[[], None]) -> None:
+        self._batch, self._clock, self._asked = batch, clock, asked
+        self._memory = np.zeros((0, 0))
+        self._staged: Sequence[Staged] = ()
+        self._tasks: tuple[Task, ...] = ()
+        self._left = np.zeros(0, np.int64)
+        self._robots, self._obstacles = np.zeros((0, 5)), np.zeros((0, 0, 6))
+
+    def begin(self, staged: Sequence[Staged], most_track: int) -> None:
+        """Put cases that are alike at their beginning; every kernel is compiled before the planner's time counts."""
         scene, n = staged[0].scene, len(staged)
-        self._memory = np.zeros((n, size_of(scene, most_track)))
-        lay(self._memory[0], staged[0].number, 0.0, scene, most_track)
-        head = self._memory[0, AT_STAGE:AT_PARTS].copy()
-        for row, one in zip(self._memory[1:], staged[1:], strict=True):
+        size = size_of(scene, most_track)
+        if self._memory.shape[1] != size or len(self._memory) < n:
+            self._memory = np.zeros((n, size))
+        memory = self._memory[:n]
+        lay(memory[0], staged[0].number, 0.0, scene, most_track)
+        head = memory[0, AT_STAGE:AT_PARTS].copy()
+        for row, one in zip(memory[1:], staged[1:], strict=True):
             lay_again(row, one.number, 0.0, one.scene, head)
-        self._left, self._tasks = np.arange(n), (staged[0].task,)
+        self._staged, self._left = staged, np.arange(n)
         self._robots, self._obstacles = np.empty((n, 5)), np.empty((n, len(scene.obstacles), 6))
-        begin_all(self._memory, self._left, self._robots, self._obstacles)
-        nobody, nothing = self._left[:0], np.zeros((0, 2))  # compiled before the planner's time counts
-        hold_all(self._memory, nobody, 0, nothing, nobody.copy(), self._robots, self._obstacles)
+        begin_all(memory, self._left, self._robots, self._obstacles)
+        nobody = self._left[:0]
+        hold_all(memory, nobody, 0, np.zeros((0, 2)), nobody.copy(), self._robots, self._obstacles)
+        sum_up_later(memory, nobody, np.zeros(0, FACTS))
 
     def run(
         self, tasks: Sequence[Task], period: int, end: int, extension: int, monitor: Monitor | None
-    ) -> NDArray[np.void]:
-        """Run the cases up to their end, and watch the unfinished ones on [ns]; return their FACTS.
+    ) -> tuple[NDArray[np.void], tuple[CaseRun, ...]]:
+        """Run the cases up to their end, and watch the unfinished ones on [ns]; return what `conclude` does, and FACTS.
 
         Raises BadAnswer, and whatever the planner raises.
         """
         self._tasks = self._batch.begin(tasks)
         self._asked()
-        facts = np.zeros(len(tasks), FACTS)
+        memory, facts = self._memory[: len(tasks)], np.zeros(len(tasks), FACTS)
         facts["number"], facts["t_goal_after"] = [one.number for one in self._staged], NEVER
         facts["feasible"] = True
-        self._drive(steps_between(period, 0, end))
-        for k, one in enumerate(self._staged):
-            conclude(self._memory[k], one, monitor, facts[k : k + 1])
+        self._drive(memory, steps_between(period, 0, end))
+        runs = conclude(memory, self._staged, monitor, facts)
         if extension:
-            unfinished = self._left.tolist()
-            self._drive(steps_between(period, end, end + extension))
-            for k in unfinished:
-                conclude_later(self._memory[k], facts[k : k + 1])
-        facts["n_track"] = [len(recorded(row)[0]) for row in self._memory]
+            unfinished = self._left
+            self._drive(memory, steps_between(period, end, end + extension))
+            sum_up_later(memory, unfinished, facts)
+        facts["n_track"] = [len(recorded(row)[0]) for row in memory]
         facts["n_planning_cycles"] = -(-facts["t_end"] // period)
-        return facts
+        return facts, runs
 
-    def _drive(self, steps: Steps) -> None:
+    def _drive(self, memory: Floats, steps: Steps) -> None:
         """Ask and move until all goals are reached or the steps end."""
         for time, until in steps:
             n = len(self._left)
@@ -102,7 +111,7 @@ class Lockstep:
             commands = self._batch.ask(time, robots, obstacles, self._left.copy(), self._tasks)
             self._asked()
             status = np.empty(n, np.int64)
-            hold_all(self._memory, self._left, until, commands, status, self._robots, self._obstacles)
+            hold_all(memory, self._left, until, commands, status, self._robots, self._obstacles)
             self._clock[TIME] = float(until)
             goes_on = status == GO_ON
             if not goes_on.all():
