@@ -65,12 +65,12 @@ def _speeds(answer: object, n: int) -> Floats:
         raise BadAnswer(f"returned a {type(answer).__name__} that makes no array, but {legal}") from error
     if speeds.shape != (n, 2) or speeds.dtype.kind not in "fiu":
         raise BadAnswer(f"returned an array of shape {speeds.shape} of {speeds.dtype}, but {legal}")
-    speeds = np.array(speeds, np.float64, order="C")
-    if not np.isfinite(speeds).all():
-        row = int(np.argmin(np.isfinite(speeds).all(axis=1)))
-        shown = ", ".join(map(str, speeds[row].tolist()))
+    own: Floats = np.array(speeds, np.float64, order="C")
+    if not np.isfinite(own).all():
+        row = int(np.argmin(np.isfinite(own).all(axis=1)))
+        shown = ", ".join(map(str, own[row].tolist()))
         raise BadAnswer(f"returned ({shown}) for case {row} of {n}, but speeds are finite numbers", finite=False)
-    return speeds
+    return own
 
 
 class Alone:

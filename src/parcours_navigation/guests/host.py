@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
 from parcours.run.raised import Overdue, is_ctrl_c, place, said
-from parcours.streams import start
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.concluding import conclude, gaps_of, sum_up_later, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
+from parcours_navigation.guests.handed_out import handed_out, planner_seed
 from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
-from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
+from parcours_navigation.protocol import Command, Map, Observation, Scan
 from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.sensing.detecting import MOST_FALSE
@@ -56,19 +56,6 @@ Orders = tuple[float, float, Floats | None]
 """What the robot is told to do: forward speed [m/s], yaw rate [rad/s], and the points to follow instead, if any."""
 
 _NO_POINTS, _FIRST = np.zeros((0, 4)), np.zeros(1, np.int64)
-_PURPOSE = np.uint64(17)
-"""Of the random stream from which planners get their seeds."""
-
-
-def planner_seed(campaign_seed: int, number: int) -> int:
-    """Return the seed that a planner is given in a case, in 0 .. 2**63 - 1.
-
-    >>> planner_seed(1, 0) != planner_seed(1, 1) != planner_seed(2, 0)
-    True
-    """
-    stream = np.zeros(1, np.uint64)
-    start(stream, np.uint64(campaign_seed), np.uint64(number), _PURPOSE)
-    return int(stream[0]) >> 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +154,7 @@ class Host:
         found, end = None, setting.end_of(group[0])
         self._begin(group[0])
         lockstep.begin(group, setting.most_track(end))
-        tasks = [_handed_out(one.task, planner_seed(seed, one.number)) for one in group]
+        tasks = [handed_out(one.task, planner_seed(seed, one.number)) for one in group]
         heartbeat.enter(heartbeat.MANY, self._allowed)
         try:
             deadline.begin(self._allowed)
@@ -269,7 +256,7 @@ class Host:
         self._orders, self._aside = (staged.first_command, 0.0, None), 0.0
         self._pending.clear()
         self._answered = False
-        task = _handed_out(staged.task, planner_seed(seed, number))
+        task = handed_out(staged.task, planner_seed(seed, number))
         view = Observation(0.0, self._robot, self._rows, task)
         is_quick = staged.scene.plain and not self._setting.delay and self._memory is self._clock
         drive = self._drive if is_quick else self._drive_any
@@ -385,14 +372,6 @@ class Host:
                 status = move_any(memory, until, v, w, self._aside, _NO_POINTS if points is None else points, looks)
             self._clock[heartbeat.TIME] = memory[heartbeat.TIME]
         return status != GO_ON
-
-
-def _handed_out(task: Task, seed: int) -> Task:
-    """Return a task that nobody else has, with a case's seed; `dataclasses.replace` takes three times as long."""
-    one = task.limits
-    limits = Limits(one.speed, one.yaw_rate, one.acceleration, one.yaw_acceleration)
-    return Task(task.goal, task.goal_tolerance, task.robot_radius, limits, task.period, task.arena, seed, task.robot,
-                task.goal_heading, task.heading_tolerance)  # fmt: skip
 
 
 def hung(number: int, time: int, call_timeout: float) -> NDArray[np.void]:

@@ -248,12 +248,10 @@ def _ready(name: str, found: object) -> Plugin:
         write_place("its constructor")
         made = found
         found = _guarded(name, "its constructor, which is given nothing,", lambda: made())
-    reset = getattr(found, "reset", None)
-    observe = getattr(found, "observe", None)
-    batch = _batch(name, found)
-    if batch is not None and (observe is None or batch.fixed):
-        alone = Alone(batch)
-        reset, observe = alone.reset, alone.observe
+    batch = batch_of(name, found)
+    asked = asked_alone(found, batch)
+    reset = getattr(asked, "reset", None)
+    observe = getattr(asked, "observe", None)
     if observe is None and callable(found):
         observe = found
     _require_one_argument(name, found, observe, "observe(observation)")
@@ -264,11 +262,22 @@ def _ready(name: str, found: object) -> Plugin:
         rule = f"its `needs` are some of {', '.join(SENSES)}, but are {needs!r:.100}"
         raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
     told = tuple(one for one in SENSES if one in needs)
+    if told and isinstance(asked, Alone):
+        rule, remedy = (
+            f"a batch has no scan, map or path, but it needs {', '.join(told)}",
+            "give it observe(observation)",
+        )
+        raise BadRequest(f"planner {name!r}", rule, remedy, slug="planner-form")
     return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file, told, batch)
 
 
-def _batch(name: str, found: object) -> BatchPlugin | None:
-    """Return what a planner has for batches, None if it takes none."""
+def asked_alone(found: object, batch: BatchPlugin | None) -> object:
+    """Return what is asked for one case at a time: the planner, or its batches of one case or of their fixed size."""
+    return found if batch is None or (hasattr(found, "observe") and not batch.fixed) else Alone(batch)
+
+
+def batch_of(name: str, found: object) -> BatchPlugin | None:
+    """Return what a planner has for batches, None if it takes none. Raises BadRequest if that is not in form."""
     observe, reset = getattr(found, "observe_batch", None), getattr(found, "reset_batch", None)
     if observe is None:
         return None
