@@ -174,9 +174,9 @@ class Host:
         if found is None or deadline.rang:
             return None
         facts, runs = found
-        for run in runs if self.monitor is not None else ():
+        for run in runs:
             heartbeat.enter(run.number, self._allowed)
-            take_own(self.monitor, run, deadline, self._allowed)
+            self._take_own(run, deadline)
         return facts.tobytes()
 
     def _begin(self, staged: Staged) -> None:
@@ -238,9 +238,13 @@ class Host:
         if deadline.rang:
             facts[:] = hung(staged.number, int(self._clock[heartbeat.TIME]), self._setting.call_timeout)
         canaries.after_case(failed=bool(facts["error"][0]))
-        for run in self._to_measure if self.monitor is not None and not facts["error"][0] else ():
-            take_own(self.monitor, run, deadline, self._allowed)
+        for run in self._to_measure if not facts["error"][0] else ():
+            self._take_own(run, deadline)
         return facts.tobytes()
+
+    def _take_own(self, run: CaseRun, deadline: Deadline) -> None:
+        assert self.monitor is not None  # who else wants to measure?
+        take_own(self.monitor, run, deadline, self._allowed)
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
         """Return the track of the last case, array of TRACK of shape (n,), and the bodies' places, (n, k, 2) [m]."""

@@ -11,6 +11,7 @@ from parcours.errors import BadRequest
 from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
 from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.facts import NEVER
 from parcours_navigation.guests.handed_out import planner_seed
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import HEADING, Observation, Observations, Task, X, Y
@@ -44,12 +45,13 @@ class Alone:
 
 def test_cases_in_lockstep_have_the_facts_that_they_have_alone() -> None:
     requirements = requirements_of({"slow": "always speed < 0.2"})
-    for scenario in (Scenario(), Scenario(time_limit=9.0, watched_on=20.0)):
-        batched, alone = (
-            NavigationStudy(one, CASES, scenario, requirements=requirements)(0, 17) for one in (Steers, Alone)
-        )
-        assert batched.tobytes() == alone.tobytes()
-        assert (batched["t_goal"] < batched["t_end"].max()).any()  # some cases have left their batch early
+    scenario = Scenario(time_limit=13.0, watched_on=20.0)
+    batched, alone = (
+        NavigationStudy(one, CASES, scenario, requirements=requirements)(0, 17) for one in (Steers, Alone)
+    )
+    assert batched.tobytes() == alone.tobytes()
+    arrived = batched["t_goal"] != NEVER
+    assert arrived.any() and (batched["t_goal_after"][~arrived] != NEVER).any()  # some leave their batch before others
 
 
 PLANNER = """
