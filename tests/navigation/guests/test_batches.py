@@ -45,7 +45,7 @@ class Alone:
 
 def test_cases_in_lockstep_have_the_facts_that_they_have_alone() -> None:
     requirements = requirements_of({"slow": "always speed < 0.2"})
-    scenario = Scenario(time_limit=13.0, watched_on=20.0)
+    scenario = Scenario(time_limit=20.0, watched_on=8.0)
     batched, alone = (
         NavigationStudy(one, CASES, scenario, requirements=requirements)(0, 17) for one in (Steers, Alone)
     )
