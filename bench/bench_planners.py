@@ -4,16 +4,27 @@ python bench/bench_planners.py
 
 The first three do nothing but answer, so what they take is the host's: world, messages, judging. Processor time, best
 of three. What is hoped for is 500 cases a second; the ratio says how far each is from that.
+
+The last two lines are for machines. A step of ORCA is the answer to an observation of three obstacles: ours by
+`observe`, navground's (if it is installed) by `compute_cmd` of a behaviour that knows its neighbours already, the two
+in turn. Batched cases are those of a planner for batches that answers (0, 0), and of a network with two layers.
 """
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
+from parcours.errors import BadRequest
+from parcours_navigation.adapters.navground import ORCA
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.protocol import Answer, Observation, Trajectory
+from parcours_navigation.checking.scenes import script, standard_task
+from parcours_navigation.planners.orca import Orca
+from parcours_navigation.protocol import Answer, Observation, Observations, Task, Trajectory
 from parcours_navigation.study.study import NavigationStudy
 
 CASES, TRIES = 256, 3
@@ -34,6 +45,70 @@ def silent(observation: Observation) -> Answer:
 def path(observation: Observation) -> Answer:
     """Follow one and the same trajectory, which never reaches the goal."""
     return PATH
+
+
+class Stands:
+    """Stands, in all cases of a batch."""
+
+    def observe_batch(self, seen: Observations) -> NDArray[np.float64]:
+        """Return (0, 0) for each."""
+        return np.zeros((len(seen.robots), 2))
+
+
+class Network:
+    """Two layers with weights by chance."""
+
+    def __init__(self) -> None:
+        draw = np.random.default_rng(7).normal
+        self.first, self.bias, self.second = draw(size=(25, 64)) * 0.3, draw(size=64) * 0.1, draw(size=(64, 2)) * 0.3
+
+    def reset_batch(self, tasks: tuple[Task, ...]) -> None:
+        """Note the goals."""
+        self.goals = np.array([task.goal for task in tasks])
+
+    def observe_batch(self, seen: Observations) -> NDArray[np.float64]:
+        """Return what the layers make of robots, obstacles and goals."""
+        n = len(seen.robots)
+        inputs = np.hstack([seen.robots, seen.obstacles.reshape(n, -1), self.goals[seen.cases]])
+        answer: NDArray[np.float64] = np.tanh(np.maximum(inputs @ self.first + self.bias, 0.0) @ self.second)
+        return answer * [0.25, 1.5]
+
+
+def batched(planner: type, cases: SystemCases, n: int = 1024) -> float:
+    """Return how many cases a second one core runs of a planner for batches."""
+    study = NavigationStudy(planner, cases)
+    study(0, n)
+    took = float("inf")
+    for _ in range(TRIES):
+        begin = time.process_time()
+        study(0, n)
+        took = min(took, time.process_time() - begin)
+    return n / took
+
+
+def orca_steps() -> tuple[float, float]:
+    """Return the processor time of a step of ORCA, ours and navground's [us]; NaN if that is not installed."""
+    task = standard_task()
+    ours, peer, way = Orca(), None, script(task)
+    ours.reset(task)
+    with contextlib.suppress(BadRequest):
+        peer = ORCA()
+        peer.reset(task)
+    took = np.full((2, len(way), 10 * TRIES), np.nan)
+    for k, seen in enumerate(way):
+        asked: list[Callable[[], object]] = [lambda seen=seen: ours.observe(seen)]  # type: ignore[misc]
+        if peer is not None:
+            peer.observe(seen)
+            made, relative = peer._behavior, peer._core.Frame.relative
+            asked.append(lambda made=made, relative=relative: made.compute_cmd(0.05, relative))  # type: ignore[misc]
+        for j in range(took.shape[2]):
+            for i, ask in enumerate(asked):
+                begin = time.process_time()
+                for _ in range(200):
+                    ask()
+                took[i, k, j] = (time.process_time() - begin) / 200 * 1e6
+    mine, others = took.min(axis=2).mean(axis=1).tolist()
+    return mine, others
 
 
 def main() -> None:
@@ -63,6 +138,9 @@ def main() -> None:
             f" {asked / n:>4.0f} a case; {n / took / HOPED:>5.2f} x {HOPED:.0f} cases/s",
             flush=True,
         )
+    ours, peer = orca_steps()
+    print(f"orca us/step: {ours:.2f}, navground {peer:.2f}")
+    print(f"batched cases/s: {batched(Stands, cases):.0f}, two layers {batched(Network, cases):.0f}")
 
 
 if __name__ == "__main__":

@@ -26,7 +26,8 @@ VALUES = 0x76616C756573
 ROWS = 0x726F7773
 """Purpose of the stream that shuffles the blocks of one repetition of a criterion (ASCII for `rows`)."""
 
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""How far apart two words of a stream are."""
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
 _S30, _S27, _S31, _S11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
@@ -43,13 +44,13 @@ def mix(word: np.uint64) -> np.uint64:
 @kernel
 def start(stream: Stream, seed: np.uint64, case: np.uint64, purpose: np.uint64) -> None:
     """Set the stream to its start for this seed, case and purpose."""
-    stream[0] = mix(mix(mix(seed + _GOLDEN) ^ (case * _MIX_2 + _GOLDEN)) ^ (purpose * _MIX_1 + _GOLDEN))
+    stream[0] = mix(mix(mix(seed + GOLDEN) ^ (case * _MIX_2 + GOLDEN)) ^ (purpose * _MIX_1 + GOLDEN))
 
 
 @kernel
 def uniform(stream: Stream) -> float:
     """Return the next number of the stream, uniform on [0, 1) in steps of 2**-53."""
-    stream[0] = stream[0] + _GOLDEN
+    stream[0] = stream[0] + GOLDEN
     return float(mix(stream[0]) >> _S11) * 1.1102230246251565e-16
 
 
@@ -88,9 +89,9 @@ def starts(seed: int, cases: NDArray[np.int64], purpose: int) -> NDArray[np.uint
     if cases.size and cases.min() < 0:
         raise BadRequest("cases", f"a case number must not be negative, but {cases.min()} given", slug="case-number")
     # Arrays throughout: numpy warns when a lone number wraps around, and wrapping is meant here.
-    campaign = _mixed(np.array([seed], dtype=np.uint64) + _GOLDEN)
-    aim = np.array([purpose], dtype=np.uint64) * _MIX_1 + _GOLDEN
-    return _mixed(_mixed(campaign ^ (cases.astype(np.uint64) * _MIX_2 + _GOLDEN)) ^ aim)
+    campaign = _mixed(np.array([seed], dtype=np.uint64) + GOLDEN)
+    aim = np.array([purpose], dtype=np.uint64) * _MIX_1 + GOLDEN
+    return _mixed(_mixed(campaign ^ (cases.astype(np.uint64) * _MIX_2 + GOLDEN)) ^ aim)
 
 
 def uniforms(start: NDArray[np.uint64], first: int, n: int) -> NDArray[np.float64]:
@@ -108,7 +109,7 @@ def uniforms(start: NDArray[np.uint64], first: int, n: int) -> NDArray[np.float6
     >>> bool((uniforms(beginnings, 0, 3)[:, 2] == uniforms(beginnings, 2, 1)[:, 0]).all())
     True
     """
-    steps = np.arange(first + 1, first + n + 1, dtype=np.uint64) * _GOLDEN
+    steps = np.arange(first + 1, first + n + 1, dtype=np.uint64) * GOLDEN
     words = _mixed(start[:, np.newaxis] + steps)
     return (words >> _S11).astype(np.float64) * 2.0**-53
 

@@ -89,6 +89,17 @@ class Observation:
     path: Floats | None = None  # a way to follow, points x, y [m], shape (n, 2)
 
 
+@dataclass(slots=True)
+class Observations:
+    """What can be sensed now in each case of a batch. The arrays are the planner's own."""
+
+    time: float  # since the cases began [s]
+    robots: Floats  # a row as `Observation.robot` for each case that goes on, shape (n, 5)
+    obstacles: Floats  # rows as `Observation.obstacles` for each, shape (n, n_obstacles, 6)
+    cases: NDArray[np.int64]  # which cases of the batch these are: their places among the tasks, ascending, shape (n,)
+    tasks: tuple[Task, ...]  # the task of each case of the batch, also of those that are over
+
+
 class Command(NamedTuple):
     """Speeds to hold until the next command: forward [m/s] and yaw rate [rad/s]. A plain pair will do."""
 
@@ -123,7 +134,9 @@ SENSES = ("scan", "map", "path")
 class Planner(Protocol):
     """A planner with a memory. One object serves many cases: `reset` comes before each.
 
-    It may have an attribute `needs`, some of SENSES.
+    It may have an attribute `needs`, some of SENSES. One that decides for many cases at once has `observe_batch`, which
+    takes Observations and returns a row v, w [m/s, rad/s] for each, shape (n, 2); and, if it remembers anything,
+    `reset_batch`, which takes the tasks of a batch.
     """
 
     def reset(self, task: Task) -> None:

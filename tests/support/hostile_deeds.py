@@ -181,7 +181,7 @@ np.zeros = Equal()
     "patches __import__": ("import builtins; builtins.__import__ = None", CHANGED + "builtins.__import__ was replaced"),
     "patches time": ("import time; time.time = time.monotonic = time.perf_counter = lambda: 0.0", CHANGED + "time.time was"),
     "patches our loop": ("from parcours_navigation.guests import host; host.hold = lambda *a: 1", CHANGED + "parcours_navigation.guests.host.hold"),
-    "patches our host": ("from parcours_navigation.guests.host import Host; Host._measure = None", CHANGED + ".*Host._measure was"),
+    "patches our host": ("from parcours_navigation.guests import host; host.conclude = None", CHANGED + ".*host.conclude was"),
     "patches threading": ("import threading; threading.Thread = threading.Lock = None", CHANGED + "threading\\.(Thread|Lock) was"),
     "patches gc": ("import gc; gc.disable(); gc.collect = None", ANY),
     "empties sys.modules": ("import sys; sys.modules.clear()", CHANGED + "sys.modules was emptied"),

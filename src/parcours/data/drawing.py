@@ -47,7 +47,7 @@ def draw(
             range; a row breaks a rule over blocks.
         BadDomain: the constraints were not met within the blocks of some case in `tries` draws.
     """
-    _check(model, rows, cases)
+    checked(model, rows, cases)
     limits = _limits(model, rows)
     start = starts(seed, cases, VALUES)
     values = np.empty(rows.shape)
@@ -112,9 +112,14 @@ def _turned(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _limits(model: InputModel, rows: Rows) -> tuple[NDArray[np.float64], ...]:
     """Return low end, width, first and last value of the block of each value; each of the shape of `rows`."""
-    tables = [np.array([_ends(domain, index) for index in range(len(domain.choices))]) for domain in model.domains]
+    tables = [np.array(ends_of(domain)) for domain in model.domains]
     ends = np.stack([table[rows[:, column]] for column, table in enumerate(tables)], axis=1)
     return ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0], ends[:, :, 2], ends[:, :, 3]
+
+
+def ends_of(domain: Domain) -> list[tuple[float, float, float, float]]:
+    """Return low end, high end, first and last value of each block of the domain."""
+    return [_ends(domain, index) for index in range(len(domain.choices))]
 
 
 def _ends(domain: Domain, index: int) -> tuple[float, float, float, float]:
@@ -125,7 +130,8 @@ def _ends(domain: Domain, index: int) -> tuple[float, float, float, float]:
     return first, last + 1.0, first, last
 
 
-def _check(model: InputModel, rows: Rows, cases: NDArray[np.int64]) -> None:
+def checked(model: InputModel, rows: Rows, cases: NDArray[np.int64]) -> None:
+    """Raise BadRequest as `draw` does for rows and cases that do not fit the model."""
     where, shape = f"input model {model.name!r}", (len(cases), len(model.domains))
     if rows.shape != shape:
         raise BadRequest(where, f"rows must have the shape {shape}, but have {rows.shape}", slug="rows-shape")

@@ -27,6 +27,9 @@ parent looks at TIME only."""
 NO_CASE = -1.0
 """The number while no foreign code is run."""
 
+MANY = 2.0**53
+"""The number while several cases are at work at once: what is lost then is no single case."""
+
 POLL = 0.1
 """How often a parent looks [s]."""
 
@@ -210,7 +213,7 @@ class Watch:
     def lost(self, how: Literal["hung", "died", "tampered"], detail: str) -> LostCase | None:
         """Return the case on which the worker was when it ended; None if it was on none."""
         self._read()
-        if not 0.0 <= self._case < 2.0**53:
+        if not 0.0 <= self._case < MANY:
             return None
         time = float(self._words[TIME])
         return LostCase(int(self._case), int(time) if 0.0 <= time < _FARTHEST else 0, how, detail, self.place)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests.host import planner_seed
+from parcours_navigation.guests.handed_out import planner_seed
 from parcours_navigation.guests.planner_facts import FACTS
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.guests.staging import Cases, staged

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.arena.lattice import EDGE, ROWS, WORDS, lay_lattice, lay_points
 from parcours_navigation.arena.obstacles import place_at
 from parcours_navigation.arena.reachable import earliest_inner, earliest_outer, leg_is_free, nanoseconds
@@ -97,7 +97,7 @@ def _starts_in_contact(obstacles: Record, lattice: Record) -> bool:
     return False
 
 
-@kernel
+@heap_kernel
 def _solve_all(obstacles: Record, lattice: Record, near: Record, edge: Record, caps: Record, found: Record) -> None:
     """Fill `found` case by case."""
     bits = np.zeros((WORDS + 2, ROWS + 2 * EDGE), np.uint64)

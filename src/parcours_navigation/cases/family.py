@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.abtc import AbstractCase, abstract_cases
-from parcours.data import Constraint, InputModel, draw, parse_input_model
+from parcours.data import Constraint, InputModel, parse_input_model
+from parcours.data.quick_drawing import Drawer
 from parcours.elementary import PI, atan2
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record, kernel
@@ -79,6 +80,17 @@ def input_model(
 def start_cases() -> tuple[AbstractCase, ...]:
     """Return the nine abstract cases of three obstacles."""
     return tuple(abstract_cases(obstacle_model()))
+
+
+@functools.cache
+def _drawers(protocol: Protocol, robot_radius: float, obstacle_radius: float) -> tuple[Drawer, ...]:
+    """Return what draws the values for each abstract case; one for all of them under the published protocol."""
+    model = input_model(protocol, robot_radius, obstacle_radius)
+    if protocol == "published":
+        return (Drawer(model),)
+    vectors = [case.start_vector for case in start_cases()]
+    orders = [_order(vector, _leaders(vector)) for vector in vectors]
+    return tuple(Drawer(replace(model, constraints=(*model.constraints, *order))) for order in orders)
 
 
 def _text(name: str) -> str:
@@ -157,16 +169,16 @@ class SystemCases:
         model = self.inputs
         if self.protocol == "published":
             rows = np.zeros((len(numbers), len(model.domains)), np.int64)
-            return draw(model, rows, numbers, seed=self.seed)
+            [drawer] = _drawers("published", self.robot_radius, self.obstacle_radius)
+            return drawer.draw(rows, numbers, seed=self.seed)
         plan = self._plan(int(numbers.max(initial=0)) + 1)
+        rows = plan.blocks(numbers)
         table = np.empty((len(numbers), len(model.domains)))
-        for a, abstract in enumerate(start_cases()):
-            where = np.flatnonzero(numbers % len(start_cases()) == a)
-            mine = numbers[where]
-            leaders = _leaders(abstract.start_vector)
-            conditioned = replace(model, constraints=(*model.constraints, *_order(abstract.start_vector, leaders)))
-            drawn = draw(conditioned, plan.blocks(mine), mine, seed=self.seed, tries=_TRIES)
-            for i, leader in enumerate(leaders):
+        drawers = _drawers("table-vii", self.robot_radius, self.obstacle_radius)
+        for a, (abstract, drawer) in enumerate(zip(start_cases(), drawers, strict=True)):
+            where = np.flatnonzero(numbers % len(drawers) == a)
+            drawn = drawer.draw(rows[where], numbers[where], seed=self.seed, tries=_TRIES)
+            for i, leader in enumerate(_leaders(abstract.start_vector)):
                 drawn[:, model.names.index(f"ds{i + 1}")] = drawn[:, model.names.index(f"ds{leader + 1}")]
             table[where] = drawn
         return table

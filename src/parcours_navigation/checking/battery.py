@@ -14,7 +14,7 @@ from parcours.report.pieces import Cell, Column, Table
 from parcours.run import canaries as canaries
 from parcours.run.raised import is_ctrl_c
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
-from parcours_navigation.checking import conduct, form, geometry, memory
+from parcours_navigation.checking import batches, conduct, form, geometry, memory
 from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning
 from parcours_navigation.checking.subject import Subject, load_subject
 from parcours_navigation.guests.answers import BadAnswer
@@ -39,6 +39,7 @@ CHECKS: dict[str, Check] = GATES | {
         memory.leaves_observations_alone,
         memory.keeps_no_observation,
         memory.takes_obstacles_in_any_order,
+        batches.answers_batches_as_alone,
         conduct.survives_odd_scenes,
         conduct.decides_in_time,
         geometry.turns_towards_the_goal,

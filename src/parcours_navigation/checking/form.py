@@ -14,6 +14,7 @@ from parcours_navigation.checking.remark import OutOfPatience, Remark, error, no
 from parcours_navigation.checking.scenes import copied, script, standard_task
 from parcours_navigation.checking.subject import Speeds, Subject, load_subject, replayed
 from parcours_navigation.guests.answers import BadAnswer, read_answer
+from parcours_navigation.guests.planners import asked_alone, batch_of
 
 _PATIENCE = 60.0
 """How long a process of its own may take to answer a script [s]."""
@@ -33,6 +34,11 @@ def is_a_planner(subject: Subject) -> Iterator[Remark]:
         if is_ctrl_c(raised):
             raise
         yield error("planner-raises", f"making it raised {where_raised(raised)}", remedy)
+        return
+    try:
+        planner = asked_alone(planner, batch_of(subject.name or "that is checked", planner))
+    except BadRequest as refused:
+        yield error("planner-shape", refused.rule, remedy)
         return
     observe, reset = getattr(planner, "observe", None), getattr(planner, "reset", None)
     if callable(observe):

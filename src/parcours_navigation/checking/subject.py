@@ -16,7 +16,7 @@ from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
 from parcours_navigation.checking.scenes import observation, sensed
 from parcours_navigation.guests.answers import read_answer
-from parcours_navigation.guests.planners import SHIPPED, load_planner, module_name, source_of
+from parcours_navigation.guests.planners import SHIPPED, asked_alone, batch_of, load_planner, module_name, source_of
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
 from parcours_navigation.stage import tracking
 
@@ -43,12 +43,13 @@ class Slot:
     """One planner that is asked: remembers the speeds of its last answer, which `None` leaves as they are."""
 
     def __init__(self, planner: object) -> None:
+        self._needs = tuple(getattr(planner, "needs", ()))
+        planner = asked_alone(planner, batch_of("that is checked", planner))
         observe = getattr(planner, "observe", None)
         self._reset: Callable[[Task], object] | None = getattr(planner, "reset", None)
         self._observe: Callable[[Observation], object] = observe if callable(observe) else planner  # type: ignore[assignment]
         self._held: Speeds = (0.0, 0.0)
         self._followed: Floats | None = None
-        self._needs = tuple(getattr(planner, "needs", ()))
 
     def reset(self, task: Task) -> None:
         """Begin a case."""

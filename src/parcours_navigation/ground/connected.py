@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.ground.clearance import at_least, clearance, least_on_way
 from parcours_navigation.ground.outlines import BadGround
 from parcours_navigation.ground.packing import Floats
@@ -128,7 +128,7 @@ def _is_there(
     return far <= 1.5 * step and least_on_way(packed, x, y, goal_x, goal_y, radius, 0.0) > 0.0
 
 
-@kernel
+@heap_kernel
 def _reaches(
     packed: Record, x0: float, y0: float, columns: int, rows: int, column: int, row: int, step: float, goal_x: float,
     goal_y: float, radius: float, tolerance: float, certain: bool,

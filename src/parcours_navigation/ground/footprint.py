@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import sin_cos, wrap
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.ground.clearance import (
     at_least,
     clearance,
@@ -168,7 +168,7 @@ def _piece_least(
     return best
 
 
-@kernel
+@heap_kernel
 def footprint_least(
     packed: Record, corners: Record, x0: float, y0: float, heading0: float, x1: float, y1: float, heading1: float,
     enough: float,

@@ -137,6 +137,7 @@ def _insert(into: Record, n: int, ax: float, ay: float, bx: float, by: float, ra
         return n
     n = min(n + 1, len(into))
     for m in range(n - 1, k, -1):
-        into[m] = into[m - 1]
+        for column in range(into.shape[1]):
+            into[m, column] = into[m - 1, column]
     into[k, 0], into[k, 1], into[k, 2], into[k, 3], into[k, 4], into[k, 5] = ax, ay, bx, by, radius, distance
     return n

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 
 Floats = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def _spread(packed: Record, counts: Record, items: Record, write: bool) -> None:
                 counts[c] += 1
 
 
-@kernel
+@heap_kernel
 def _depths(packed: Record, depth: Record) -> None:
     """Write how many solid bodies cover each cell that no edge of a solid passes through, row by row from the right."""
     columns, rows, n_solid = int(packed[COLUMNS]), int(packed[ROWS]), int(packed[SOLID])

@@ -39,6 +39,7 @@ class Introduction:
     text: bytes = field(repr=False)  # what the file held before it was imported
     has_reset: bool
     needs: tuple[str, ...]  # some of `protocol.SENSES`
+    batch_size: int = 0  # cases that it is asked for at once; 0: one at a time
 
     @property
     def source(self) -> Source | None:
@@ -89,7 +90,8 @@ def _meet(planner: str) -> Introduction:
     plugin = load_planner(planner, source)
     canaries.accept()
     file, text = (str(source.path), source.text) if source is not None else ("", b"")
-    return Introduction(found_as, file, text, plugin.reset is not None, plugin.needs)
+    return Introduction(found_as, file, text, plugin.reset is not None, plugin.needs,
+                        plugin.batch.size if plugin.batch is not None else 0)  # fmt: skip
 
 
 def _looks_for_loop(planner: str) -> bool:

@@ -7,7 +7,6 @@ ends. What it is shown are copies; what it does with them changes nothing but it
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import sys
 from collections import deque
@@ -20,17 +19,17 @@ from numpy.typing import NDArray
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
 from parcours.run.raised import Overdue, is_ctrl_c, place, said
-from parcours.streams import start
-from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
+from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
+from parcours_navigation.guests.concluding import conclude, gaps_of, sum_up_later, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
+from parcours_navigation.guests.handed_out import handed_out, planner_seed
+from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
-from parcours_navigation.measures.kernel import measure
-from parcours_navigation.measures.one_case import SAFE_DISTANCE
-from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
+from parcours_navigation.protocol import Command, Map, Observation, Scan
 from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.sensing.detecting import MOST_FALSE
@@ -50,26 +49,13 @@ from parcours_navigation.stage.memory import (
     size_of,
 )
 from parcours_navigation.stage.moving import GO_ON, NEXT_GOAL, NOT_FINITE, follow, hold
-from parcours_navigation.stage.ticking import begin_any, ground_gap, move_any
+from parcours_navigation.stage.ticking import begin_any, move_any
 
 Floats = NDArray[np.float64]
 Orders = tuple[float, float, Floats | None]
 """What the robot is told to do: forward speed [m/s], yaw rate [rad/s], and the points to follow instead, if any."""
 
-_NO_POINTS = np.zeros((0, 4))
-_PURPOSE = np.uint64(17)
-"""Of the random stream from which planners get their seeds."""
-
-
-def planner_seed(campaign_seed: int, number: int) -> int:
-    """Return the seed that a planner is given in a case, in 0 .. 2**63 - 1.
-
-    >>> planner_seed(1, 0) != planner_seed(1, 1) != planner_seed(2, 0)
-    True
-    """
-    stream = np.zeros(1, np.uint64)
-    start(stream, np.uint64(campaign_seed), np.uint64(number), _PURPOSE)
-    return int(stream[0]) >> 1
+_NO_POINTS, _FIRST = np.zeros((0, 4)), np.zeros(1, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +107,10 @@ class Host:
         self._laid: Scene | None = None
         self._head = np.zeros(0)
         self._compiled: set[bool] = set()
-        self._to_measure: CaseRun | None = None
+        self._to_measure: tuple[CaseRun, ...] = ()
+        batch = None if setting.delay or plugin.needs else plugin.batch
+        self._batch_size = 1 if batch is None else batch.size
+        self._lockstep = None if batch is None else Lockstep(batch, self._clock, lambda: end_if_forked(self._pid))
         self.monitor: Monitor | None = None  # judges requirements over the cases that are run, if there are any
 
     @property
@@ -136,16 +125,59 @@ class Host:
         deadline = Deadline(self._clock, self._setting.call_timeout)
         with deadline, contextlib.redirect_stdout(sys.stderr):
             try:
-                for one in staged:
-                    self._begin(one)
-                    heartbeat.enter(one.number, self._allowed)
-                    done.append(self._run_case_in_time(one, seed, deadline))
-                    self._allowed = self._setting.call_timeout
+                size = self._batch_size
+                for first in range(0, len(staged), size):
+                    group = staged[first : first + size]
+                    facts = self._run_batch_in_time(group, seed, deadline) if size > 1 < len(group) else None
+                    if facts is not None:
+                        done.append(facts)
+                        continue
+                    for one in group:
+                        self._begin(one)
+                        heartbeat.enter(one.number, self._allowed)
+                        done.append(self._run_case_in_time(one, seed, deadline))
+                        self._allowed = self._setting.call_timeout
             finally:
                 end_if_forked(self._pid)
                 heartbeat.leave()
                 self._clock[heartbeat.CASE] = heartbeat.NO_CASE
         return np.frombuffer(bytearray(b"".join(done)), FACTS)
+
+    def _run_batch_in_time(self, group: Sequence[Staged], seed: int, deadline: Deadline) -> bytes | None:
+        """Return the facts of cases that are run in lockstep; None if anything goes wrong in one of them.
+
+        Nobody knows in which: so they are run one after the other then.
+        """
+        lockstep, setting = self._lockstep, self._setting
+        if lockstep is None or not are_alike(group):
+            return None
+        found, end = None, setting.end_of(group[0])
+        self._begin(group[0])
+        lockstep.begin(group, setting.most_track(end))
+        tasks = [handed_out(one.task, planner_seed(seed, one.number)) for one in group]
+        heartbeat.enter(heartbeat.MANY, self._allowed)
+        try:
+            deadline.begin(self._allowed)
+            with contextlib.suppress(Overdue):
+                found = lockstep.run(tasks, setting.period, end, setting.extension, self.monitor)
+            deadline.end()
+        except Overdue:  # again, while the first was on its way
+            deadline.end()
+        except BaseException as error:
+            deadline.end()
+            end_if_forked(self._pid)
+            if is_ctrl_c(error):
+                raise
+        end_if_forked(self._pid)
+        canaries.after_case(failed=found is None)
+        self._allowed = setting.call_timeout
+        if found is None or deadline.rang:
+            return None
+        facts, runs = found
+        for run in runs:
+            heartbeat.enter(run.number, self._allowed)
+            self._take_own(run, deadline)
+        return facts.tobytes()
 
     def _begin(self, staged: Staged) -> None:
         """Put a case into memory, at its beginning; every kernel is compiled before the planner's time counts."""
@@ -161,15 +193,16 @@ class Host:
             lay(self._memory, staged.number, self._allowed, scene, most_track)
             self._head = self._memory[AT_STAGE:AT_PARTS].copy()
             self._windows = [Window(view) for view in observed(self._memory)]
-            self._compile(scene)
+            self._compile(staged)
         self._laid, self._staged = scene, staged
         self._robot, self._rows, self._ranges = (one.array() for one in self._windows)
         (moving.begin_case if scene.plain else begin_any)(self._memory)
         if self._memory is not self._clock:
             self._clock[:3] = self._memory[:3]
 
-    def _compile(self, scene: Scene) -> None:
+    def _compile(self, staged: Staged) -> None:
         """Call every kernel once, so that no compilation counts as a planner's time."""
+        scene = staged.scene
         if scene.plain in self._compiled:
             return
         self._compiled.add(scene.plain)
@@ -183,14 +216,9 @@ class Host:
         else:
             begin_any(memory)
             move_any(memory, 0, 0.0, 0.0, 0.0, _NO_POINTS, True)
-        moving.freeze(memory, facts[0])
-        moving.touched_later(memory, facts[0])
-        moving.moved_since(memory, 0)
-        moving.goal_time(memory)
         moving.present(memory, np.zeros(ROW + 2 * len(scene.obstacles)))
-        track, places = self.track()
-        measure(track, places, np.zeros(places.shape[1]), 0.1, 0.0, 0.0, 0.1, NEVER, SAFE_DISTANCE, np.zeros(0),
-                facts[0]["measures"])  # fmt: skip
+        conclude(memory[np.newaxis], [staged], None, facts)
+        sum_up_later(memory[np.newaxis], _FIRST, facts)
         memory[: len(kept)] = kept
 
     def _run_case_in_time(self, staged: Staged, seed: int, deadline: Deadline) -> bytes:
@@ -210,46 +238,21 @@ class Host:
         if deadline.rang:
             facts[:] = hung(staged.number, int(self._clock[heartbeat.TIME]), self._setting.call_timeout)
         canaries.after_case(failed=bool(facts["error"][0]))
-        if self.monitor is not None and self._to_measure is not None and not facts["error"][0]:
-            take_own(self.monitor, self._to_measure, deadline, self._allowed)
+        for run in self._to_measure if not facts["error"][0] else ():
+            self._take_own(run, deadline)
         return facts.tobytes()
+
+    def _take_own(self, run: CaseRun, deadline: Deadline) -> None:
+        assert self.monitor is not None  # who else wants to measure?
+        take_own(self.monitor, run, deadline, self._allowed)
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
         """Return the track of the last case, array of TRACK of shape (n,), and the bodies' places, (n, k, 2) [m]."""
-        rows, n = recorded(self._memory)
-        track = np.zeros(len(rows), TRACK)
-        for k, name in enumerate(TRACK.names or ()):
-            track[name] = rows[:, k]
-        return track, rows[:, ROW:].reshape(len(rows), n, 2).copy()
+        return track_of(self._memory)
 
     def ground_gaps(self) -> Floats:
         """Return the gap between robot and ground at each entry of the last case's track [m], shape (n,)."""
-        return recorded(self._memory)[0][:, ROW - 1].copy()
-
-    def _measure(self, facts: NDArray[np.void]) -> None:
-        """Fill the measures of the way up to now, at the end of a case."""
-        assert self._staged is not None
-        track, places = self.track()
-        scene, task = self._staged.scene, (self._staged.task, *self._staged.goals)[-1]
-        x, y = task.goal
-        measure(
-            track, places, np.ascontiguousarray(scene.obstacles["radius"]), task.robot_radius, x, y,
-            task.goal_tolerance, int(facts["t_goal"][0]), SAFE_DISTANCE, self.ground_gaps(), facts[0]["measures"],
-        )  # fmt: skip
-
-    def _judge(self, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> None:
-        """Judge requirements over the way up to now, and keep what the user's own measures read, at a case's end."""
-        rows = recorded(self._memory)[0]
-        moving.present(self._memory, last := np.zeros(rows.shape[1]))
-        if not staged.scene.plain:
-            last[ROW - 1] = ground_gap(self._memory)
-        radii = np.ascontiguousarray(staged.scene.obstacles["radius"])
-        goals, size = tuple(one.goal for one in (staged.task, *staged.goals)), staged.task.robot_radius
-        if monitor.program.roots.size:
-            monitor.judge(staged.number, rows, last, radii, size, goals[-1])
-        if monitor.measures:
-            case = staged.number, *self.track(), radii, self.ground_gaps(), size, goals, facts[0].copy()
-            self._to_measure = CaseRun(*case)
+        return gaps_of(self._memory)
 
     def _run_case(self, staged: Staged, seed: int, facts: NDArray[np.void]) -> None:
         """Run the case that was begun, and fill its facts, shape (1,)."""
@@ -257,31 +260,25 @@ class Host:
         self._orders, self._aside = (staged.first_command, 0.0, None), 0.0
         self._pending.clear()
         self._answered = False
-        task = _handed_out(staged.task, planner_seed(seed, number))
+        task = handed_out(staged.task, planner_seed(seed, number))
         view = Observation(0.0, self._robot, self._rows, task)
         is_quick = staged.scene.plain and not self._setting.delay and self._memory is self._clock
         drive = self._drive if is_quick else self._drive_any
         facts["number"], facts["t_goal_after"] = number, NEVER
         fault, reason, frozen, was_reset = PlannerFault.NONE, "", False, False
-        self._to_measure = None
+        self._to_measure = ()
         try:
             if plugin.reset is not None:
                 plugin.reset(task)
                 end_if_forked(self._pid)
             was_reset = True
             end = self._setting.end_of(staged)
-            over = drive(view, _steps(self._setting.period, 0, end))
-            moving.freeze(self._memory, facts[0])
+            over = drive(view, steps_between(self._setting.period, 0, end))
             frozen = True
-            self._measure(facts)
-            if self.monitor is not None:
-                self._judge(self.monitor, staged, facts)
+            self._to_measure = conclude(self._memory[np.newaxis], [staged], self.monitor, facts)
             if self._setting.extension and not over:
-                later = _steps(self._setting.period, end, end + self._setting.extension)
-                facts["t_goal_after"] = moving.goal_time(self._memory) if drive(view, later) else NEVER
-                moving.touched_later(self._memory, facts[0])
-                soon = int(facts["t_end"][0]) + 1_000_000_000
-                facts["moved_after"] = facts["t_goal_after"] != NEVER or moving.moved_since(self._memory, soon)
+                drive(view, steps_between(self._setting.period, end, end + self._setting.extension))
+                sum_up_later(self._memory[np.newaxis], _FIRST, facts)
         except Overdue:
             raise
         except BadAnswer as error:
@@ -381,24 +378,10 @@ class Host:
         return status != GO_ON
 
 
-def _handed_out(task: Task, seed: int) -> Task:
-    """Return a task that nobody else has, with a case's seed; `dataclasses.replace` takes three times as long."""
-    one = task.limits
-    limits = Limits(one.speed, one.yaw_rate, one.acceleration, one.yaw_acceleration)
-    return Task(task.goal, task.goal_tolerance, task.robot_radius, limits, task.period, task.arena, seed, task.robot,
-                task.goal_heading, task.heading_tolerance)  # fmt: skip
-
-
 def hung(number: int, time: int, call_timeout: float) -> NDArray[np.void]:
     """Return the facts of a case in which the planner did not answer, shape (1,)."""
     reason = f"hung: no answer within {call_timeout:g} s to the observation at {time * 1e-9:.2f} s"
     return lost(number, PlannerFault.HUNG, reason, time)
-
-
-@functools.lru_cache(maxsize=256)
-def _steps(period: int, first: int, last: int) -> tuple[tuple[float, int], ...]:
-    """Return the observations from `first` to before `last` [ns] as (time [s], when the next one is due [ns])."""
-    return tuple((now * 1e-9, min(now + period, last)) for now in range(first, last, period))
 
 
 def _words(error: BaseException, file: str) -> str:

@@ -20,6 +20,7 @@ from parcours.errors import BadRequest, one_of
 from parcours.run.heartbeat import write_place
 from parcours.run.raised import is_ctrl_c, said
 from parcours.study.loading import Source, read_source
+from parcours_navigation.guests.batch import BATCH_SIZE, LARGEST, Alone, BatchPlugin
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 
@@ -94,6 +95,7 @@ class Plugin:
     reset: Callable[[Task], object] | None  # called before each case; None if the planner has none
     file: str  # the file it is defined in, "" if unknown; faults are placed there
     needs: tuple[str, ...] = ()  # what it must be given, some of `protocol.SENSES`
+    batch: BatchPlugin | None = None  # what it has for batches of cases
 
 
 def source_of(planner: str) -> Source | None:
@@ -246,8 +248,10 @@ def _ready(name: str, found: object) -> Plugin:
         write_place("its constructor")
         made = found
         found = _guarded(name, "its constructor, which is given nothing,", lambda: made())
-    reset = getattr(found, "reset", None)
-    observe = getattr(found, "observe", None)
+    batch = batch_of(name, found)
+    asked = asked_alone(found, batch)
+    reset = getattr(asked, "reset", None)
+    observe = getattr(asked, "observe", None)
     if observe is None and callable(found):
         observe = found
     _require_one_argument(name, found, observe, "observe(observation)")
@@ -258,7 +262,33 @@ def _ready(name: str, found: object) -> Plugin:
         rule = f"its `needs` are some of {', '.join(SENSES)}, but are {needs!r:.100}"
         raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
     told = tuple(one for one in SENSES if one in needs)
-    return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file, told)
+    if told and isinstance(asked, Alone):
+        rule, remedy = (
+            f"a batch has no scan, map or path, but it needs {', '.join(told)}",
+            "give it observe(observation)",
+        )
+        raise BadRequest(f"planner {name!r}", rule, remedy, slug="planner-form")
+    return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file, told, batch)
+
+
+def asked_alone(found: object, batch: BatchPlugin | None) -> object:
+    """Return what is asked for one case at a time: the planner, or its batches of one case or of their fixed size."""
+    return found if batch is None or (hasattr(found, "observe") and not batch.fixed) else Alone(batch)
+
+
+def batch_of(name: str, found: object) -> BatchPlugin | None:
+    """Return what a planner has for batches, None if it takes none. Raises BadRequest if that is not in form."""
+    observe, reset = getattr(found, "observe_batch", None), getattr(found, "reset_batch", None)
+    if observe is None:
+        return None
+    _require_one_argument(name, found, observe, "observe_batch(observations)")
+    if reset is not None:
+        _require_one_argument(name, found, reset, "reset_batch(tasks)")
+    size = getattr(found, "batch_size", BATCH_SIZE)
+    if type(size) is not int or not 1 <= size <= LARGEST:
+        rule = f"its `batch_size` is a whole number from 1 to {LARGEST}, but is {size!r:.100}"
+        raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
+    return BatchPlugin(observe, reset, size, bool(getattr(found, "batch_is_fixed", False)))
 
 
 def _require_one_argument(name: str, found: object, method: object, what: str) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.others.agent import CONSTANT, DECISION, FORCE, FOREVER, TRACK, WALK, WAYPOINTS
 from parcours_navigation.others.keeping_off import room_at, slide, step_off
 from parcours_navigation.others.people import decide_people
@@ -103,7 +103,7 @@ def _step_person(agent: Record, obstacle: Record, walls: Floats, dt: float) -> N
         slide(agent, nx, ny, 0.0)
 
 
-@kernel
+@heap_kernel
 def step_agents(
     agents: Record,
     ways: Floats,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import sin_cos
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.others.agent import CLOSE, DECISION, FORCE, ORCA, STAND
 from parcours_navigation.others.neighbours import Integers, fill_grid, nearest_bodies, table_size
 from parcours_navigation.others.permitting import half_plane, new_velocity, wall_plane
@@ -168,7 +168,7 @@ def decide_orca(
     agent.vx, agent.vy = x, y
 
 
-@kernel
+@heap_kernel
 def decide_people(agents: Record, ways: Floats, obstacles: Record, walls: Floats, robot: Floats, now: int) -> None:
     """Let all people decide at `now` [ns]. `robot` is x, y, vx, vy, radius [m, m/s, m]."""
     people = 0

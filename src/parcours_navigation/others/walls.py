@@ -83,7 +83,8 @@ def walls_within(walls: Floats, x: float, y: float, reach: float, into: Floats) 
             n -= 1
         k = n
         while k > 0 and into[k - 1, 5] > distance:
-            into[k] = into[k - 1]
+            for column in range(into.shape[1]):
+                into[k, column] = into[k - 1, column]
             k -= 1
         into[k, 0], into[k, 1], into[k, 2], into[k, 3] = ax, ay, bx, by
         into[k, 4], into[k, 5] = 0.0, distance

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.planners.distance import look
 from parcours_navigation.planners.motion import travel
 from parcours_navigation.protocol import Floats
@@ -86,7 +86,7 @@ def _over(value: float, limit: float) -> float:
     return 0.0
 
 
-@kernel
+@heap_kernel
 def weigh(band: Floats, n: int, obstacles: Floats, setting: Setting, matrix: Floats, right: Floats) -> float:
     """Return the cost of the first n poses of a band, and fill in the normal equations of its squares.
 
@@ -227,7 +227,7 @@ def _hold(matrix: Floats, right: Floats, k: int, n: int) -> None:
     matrix[k, 0], right[k] = 1.0, 0.0
 
 
-@kernel
+@heap_kernel
 def tighten(
     band: Floats, n: int, obstacles: Floats, setting: Setting, iterations: int, matrix: Floats, right: Floats
 ) -> float:
@@ -267,7 +267,7 @@ def tighten(
     return cost
 
 
-@kernel
+@heap_kernel
 def resize(band: Floats, n: int, wanted: float, least: int) -> int:
     """Return how many poses the band has once times are near to `wanted` [s]: long ones are halved, short ones joined.
 
@@ -293,7 +293,7 @@ def resize(band: Floats, n: int, wanted: float, least: int) -> int:
     return n
 
 
-@kernel
+@heap_kernel
 def lay(band: Floats, way: Floats, heading: float, limits: Floats, wanted: float) -> int:
     """Lay a band along a way, shape (k, 2), from a pose at its start, and return how many poses it has, at least 3.
 
@@ -345,7 +345,7 @@ def _waits(band: Floats) -> bool:
     return bool(dx * dx + dy * dy < _WAIT * _WAIT and abs(turn) < 10.0 * _WAIT)
 
 
-@kernel
+@heap_kernel
 def begin_at(band: Floats, n: int, x: float, y: float, heading: float, end_x: float, end_y: float) -> int:
     """Let a band start at the robot's pose, and end at a place [m]; what it has passed is dropped; return its length.
 

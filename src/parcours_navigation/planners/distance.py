@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.protocol import Floats, Map
 
 OCCUPIED, UNKNOWN = 65, 255
@@ -51,7 +51,7 @@ def _envelope(heights: Floats, tops: NDArray[np.int64], starts: Floats) -> int:
     return n
 
 
-@kernel
+@heap_kernel
 def _to_squares(cells: Cells, wanted: bool, out: Floats) -> None:
     """Fill in the distance [cells] from each centre to the nearest square that is occupied (or free, if not wanted)."""
     #    a square q    its two edges carry parabolas of one height g: outside of q one of them is the distance to q,
@@ -88,7 +88,7 @@ def _to_squares(cells: Cells, wanted: bool, out: Floats) -> None:
             out[i, j] = np.sqrt(least)
 
 
-@kernel
+@heap_kernel
 def signed_distances(cells: Cells, resolution: float, out: Floats) -> None:
     """Fill in the distance [m] from the centre of each cell to what is occupied, negative inside; shape as `cells`.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import sin_cos
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.planners.distance import look
 from parcours_navigation.protocol import Floats
 
@@ -61,7 +61,7 @@ def _hinge(value: float, by: Floats, weight: float, gradient: Floats, hessian: F
     return weight * value * value
 
 
-@kernel
+@heap_kernel
 def state_cost(
     z: Floats,
     k: int,
@@ -162,7 +162,7 @@ def _box(q: Floats, curve: Floats, low: Floats, high: Floats, step: Floats, is_f
                     step[j] = -(q[j] + curve[0, 1] * step[i]) / curve[j, j]
 
 
-@kernel
+@heap_kernel
 def descend(
     controls: Floats,
     states: Floats,
@@ -245,7 +245,7 @@ def _answer(q_uu: Floats, q_ux: Floats, is_free: Floats, gain: Floats) -> None:
             gain[1, j] = -q_ux[1, j] / q_uu[1, 1]
 
 
-@kernel
+@heap_kernel
 def improve(
     controls: Floats,
     start: Floats,

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from parcours.elementary import atan2, wrap
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.planners.ilqr import World, drive, improve, move
 from parcours_navigation.planners.motion import Options, extrapolate, settled
 from parcours_navigation.planners.route import Route, towards
@@ -23,7 +23,7 @@ _OFFSETS = (0.0, 0.7, -0.7, 1.4, -1.4)
 """Plans to start from head so far aside of the aim at first [rad]."""
 
 
-@kernel
+@heap_kernel
 def head_for(
     start: Floats, h: float, aim: tuple[float, float], offset: float, limits: Floats, controls: Floats
 ) -> None:
@@ -46,7 +46,7 @@ def head_for(
         z[:] = after
 
 
-@kernel
+@heap_kernel
 def plan(
     controls: Floats,
     start: Floats,

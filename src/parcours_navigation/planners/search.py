@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.planners.distance import is_clear
 from parcours_navigation.protocol import Floats
 
@@ -73,7 +73,7 @@ def _sink(heap: Ints, places: Ints, costs: Floats, keys: Floats, n: int) -> None
     places[cell] = at
 
 
-@kernel
+@heap_kernel
 def edge_cost(room: Floats, a: int, b: int, length: float, radius: float, soft: float, weight: float) -> float:
     """Return what the step from cell a to b costs, infinite if the robot must not take it; cells by flat index.
 
@@ -89,7 +89,7 @@ def edge_cost(room: Floats, a: int, b: int, length: float, radius: float, soft: 
     return float(length * (1.0 + 0.5 * weight * min(narrow, 2.0)))
 
 
-@kernel
+@heap_kernel
 def search(
     room: Floats, side: float, radius: float, soft: float, weight: float, start: int, goal: int, way: Ints
 ) -> tuple[int, bool, float]:

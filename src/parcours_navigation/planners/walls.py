@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.elementary import PI, TAU, atan2, sin_cos
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.planners.distance import NO_WALLS, look, walls_of
 from parcours_navigation.planners.motion import runs_into, travel
 from parcours_navigation.protocol import Floats, Observation, Scan
@@ -46,7 +46,7 @@ def _discs(robot: Floats, nearest: Floats, sides: Floats, reach: float, discs: F
     return n
 
 
-@kernel
+@heap_kernel
 def from_faces(robot: Floats, faces: Floats, reach: float, discs: Floats) -> int:
     """Return how many discs stand for the wall's faces (x, y, half a side) within `reach` [m], and fill them in.
 
@@ -60,7 +60,7 @@ def from_faces(robot: Floats, faces: Floats, reach: float, discs: Floats) -> int
     return _discs(robot, nearest, sides, reach, discs)
 
 
-@kernel
+@heap_kernel
 def from_beams(
     robot: Floats, ranges: Floats, first: float, step: float, obstacles: Floats, reach: float, discs: Floats
 ) -> int:

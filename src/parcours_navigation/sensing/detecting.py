@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.elementary import PI, TAU, atan2, log, sin_cos, wrap
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours.streams import Stream, between, uniform
 from parcours_navigation.ground.clearance import sees
 
@@ -61,7 +61,7 @@ def is_hidden(rows: Floats, k: int, x: float, y: float) -> bool:
     return False
 
 
-@kernel
+@heap_kernel
 def detect(
     truth: Floats, packed: Floats, x: float, y: float, heading: float, sensor: Record, stream: Stream, rows: Floats
 ) -> int:

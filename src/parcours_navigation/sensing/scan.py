@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.elementary import TAU, atan2, sin_cos
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.ground.clearance import at_least, first_ring, last_ring, ring_columns, ring_gap, ring_rows
 from parcours_navigation.ground.outlines import BadGround
 from parcours_navigation.ground.packing import (
@@ -138,7 +138,7 @@ def _see_disc(x: float, y: float, radius: float, base: float, per: float, rays: 
             rays[2, k] = min(rays[2, k], distance)
 
 
-@kernel
+@heap_kernel
 def _directions(angle: float, step: float, cosines: Record, sines: Record) -> None:
     """Write the directions of the beams: each is the sum of two angles out of two short tables."""
     n = len(cosines)
@@ -152,7 +152,7 @@ def _directions(angle: float, step: float, cosines: Record, sines: Record) -> No
             sines[i + j] = s * fine[j, 1] + c * fine[j, 0]
 
 
-@kernel
+@heap_kernel
 def scan(
     packed: Record, discs: Record, x: float, y: float, heading: float, first: float, step: float, reach: float,
     ranges: Record,
@@ -186,7 +186,7 @@ def scan(
         ranges[k] = rays[2, k] if rays[2, k] < reach else np.inf
 
 
-@kernel
+@heap_kernel
 def _see_ground(packed: Record, x: float, y: float, base: float, per: float, rays: Record) -> None:
     """Shorten the beams that meet the ground, ring by ring; arguments as of `_see_wall`."""
     right, top = packed[LEFT] + packed[COLUMNS] * packed[CELL], packed[BOTTOM] + packed[ROWS] * packed[CELL]

@@ -21,6 +21,7 @@ from parcours_navigation.robots.body import BODY
 from parcours_navigation.sensing.detecting import DETECTION, MOST_FALSE
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 CASE, TIME, LIMIT = range(3)
 """The words for the supervisor: case number, time in the case [ns], longest call allowed [s]."""

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.arena.observing import freeze_later, freeze_world
 from parcours_navigation.arena.obstacles import OBSTACLE, reported_at
 from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours_navigation.facts import TRACK_PERIOD
-from parcours_navigation.stage.memory import AT_ROBOT, AT_STAGE, AT_WORLD, ROW, STAGE, TIME, Floats
+from parcours_navigation.stage.memory import AT_ROBOT, AT_STAGE, AT_WORLD, ROW, STAGE, TIME, Floats, Ints
 from parcours_navigation.stage.tracking import speeds
 
 GO_ON, ARRIVED, NOT_FINITE, NEXT_GOAL, ENDED = range(5)
@@ -21,7 +21,7 @@ GO_ON, ARRIVED, NOT_FINITE, NEXT_GOAL, ENDED = range(5)
 _OBSTACLE = OBSTACLE.itemsize // 8
 
 
-@kernel
+@heap_kernel
 def obstacles_of(memory: Floats, stage: Record) -> Record:
     """Return the view of the obstacles."""
     return memory[stage.at_obstacles : stage.at_obstacles + stage.n * _OBSTACLE].view(OBSTACLE)
@@ -113,6 +113,45 @@ def hold(memory: Floats, until: int, v: float, w: float) -> int:
     memory[TIME] = float(world.now)
     _observe(memory, stage, world, obstacles)
     return ARRIVED if arrived else GO_ON
+
+
+@kernel
+def _show(memory: Floats, stage: Record, robot: Floats, obstacles: Floats) -> None:
+    """Copy what the planner sees of a case."""
+    for k in range(5):
+        robot[k] = memory[AT_ROBOT + k]
+    for i in range(obstacles.shape[0]):
+        for k in range(6):
+            obstacles[i, k] = memory[stage.at_seen + 6 * i + k]
+
+
+@kernel
+def begin_all(memories: Floats, rows: Ints, robots: Floats, obstacles: Floats) -> None:
+    """Put the cases in some rows of memory at their beginning, and fill what the planner sees of each."""
+    for k in range(len(rows)):
+        memory = memories[rows[k]]
+        begin_case(memory)
+        _show(memory, memory[AT_STAGE:AT_WORLD].view(STAGE)[0], robots[k], obstacles[k])
+
+
+@kernel
+def hold_all(
+    memories: Floats, rows: Ints, until: int, commands: Floats, status: Ints, robots: Floats, obstacles: Floats
+) -> None:
+    """Do as `hold` for the cases in some rows of memory, and fill what the planner sees of each.
+
+    Args:
+        memories: shape (n_cases, n_words).
+        rows: which cases, shape (n,).
+        commands: v, w of each, shape (n, 2).
+        status: receives what `hold` returns, shape (n,).
+        robots: receives the robots as seen, shape (>= n, 5).
+        obstacles: receives the others as seen, shape (>= n, n_obstacles, 6).
+    """
+    for k in range(len(rows)):
+        memory = memories[rows[k]]
+        status[k] = hold(memory, until, commands[k, 0], commands[k, 1])
+        _show(memory, memory[AT_STAGE:AT_WORLD].view(STAGE)[0], robots[k], obstacles[k])
 
 
 @kernel

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import wrap
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours.streams import uniform
 from parcours_navigation.arena.contact import ROBOT_CLOSED, contact_share, least_distance, who_closed
 from parcours_navigation.arena.obstacles import reported_at
@@ -34,27 +34,27 @@ from parcours_navigation.stage.tracking import speeds
 _AGENT, _BODY, _DETECTION = (one.itemsize // 8 for one in (AGENT, BODY, DETECTION))
 
 
-@kernel
+@heap_kernel
 def _agents(memory: Floats, stage: Record) -> Record:
     return memory[stage.at_agents : stage.at_agents + stage.n_agents * _AGENT].view(AGENT)
 
 
-@kernel
+@heap_kernel
 def _ways(memory: Floats, stage: Record) -> Floats:
     return memory[stage.at_ways : stage.at_ways + 3 * stage.n_ways].reshape((stage.n_ways, 3))
 
 
-@kernel
+@heap_kernel
 def _body(memory: Floats, stage: Record) -> Record:
     return memory[stage.at_body : stage.at_body + _BODY].view(BODY)[0]
 
 
-@kernel
+@heap_kernel
 def _ground(memory: Floats, stage: Record) -> Floats:
     return memory[stage.at_ground : stage.at_ground + stage.n_ground]
 
 
-@kernel
+@heap_kernel
 def _corners(memory: Floats, stage: Record) -> Floats:
     return memory[stage.at_corners : stage.at_corners + 2 * stage.n_corners].reshape((stage.n_corners, 2))
 
@@ -171,7 +171,7 @@ def _meet(memory: Floats, stage: Record, world: Record, obstacle: Record, body: 
     note_contact(world, world.now - TICK + int(share * TICK), closer)
 
 
-@kernel
+@heap_kernel
 def _tick(memory: Floats, stage: Record, world: Record, obstacles: Record) -> None:
     """Advance a world that is not plain by one tick."""
     body = _body(memory, stage)
@@ -224,7 +224,7 @@ def _look_for_goal(memory: Floats, stage: Record, world: Record) -> None:
         world.t_goal = world.now
 
 
-@kernel
+@heap_kernel
 def _observe(memory: Floats, stage: Record, world: Record, obstacles: Record) -> None:
     """Fill what the planner sees."""
     robot = world.robot
@@ -260,7 +260,7 @@ def _observe(memory: Floats, stage: Record, world: Record, obstacles: Record) ->
     stage.n_looks += 1
 
 
-@kernel
+@heap_kernel
 def _late(memory: Floats, stage: Record, truth: Record) -> None:
     """Keep what is true now, and put what was true some observations ago in its place."""
     if not stage.n_past or not len(truth):
@@ -271,7 +271,7 @@ def _late(memory: Floats, stage: Record, truth: Record) -> None:
     truth[:] = kept[max(stage.n_looks - stage.n_past, 0) % (stage.n_past + 1)]
 
 
-@kernel
+@heap_kernel
 def _scan(memory: Floats, stage: Record, world: Record, obstacles: Record, stream: Record) -> None:
     """Fill the ranges of the scan."""
     ranges = memory[stage.at_scan : stage.at_scan + stage.n_beams]

@@ -249,6 +249,9 @@ class NavigationStudy:
     def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
         """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 64 cases, about 16 if they can.
 
+        Where the planner is asked for many cases at once, shards may be as large as a batch.
+
+
         Raises BadRequest if the planner has no name under which workers could find it, or an obstacle of the first
         cases stands where the robot starts.
         """
@@ -265,6 +268,7 @@ class NavigationStudy:
             self.cases.staged(range(min(n_cases, _LOOKED_AT)), self.scenario.period)
             about = {"world": self.cases.world.reference, "world_digest": self.cases.world.digest,
                      "criterion": self.cases.criterion}  # fmt: skip
+        batch = self.known.batch_size if self.known is not None else 0
         return Campaign(
             study="navigation",
             schedule=self.planner,
@@ -278,7 +282,8 @@ class NavigationStudy:
                 "scenario": dataclasses.asdict(self.scenario),
                 **self.requirements.manifest(),
             },
-            shard_size=shard_size or min(max(n_cases // 16, 4), 64),  # a slow planner loses little by Ctrl-C
+            # A slow planner loses little by Ctrl-C; one for batches is quick.
+            shard_size=shard_size or min(max(n_cases // (4 if batch else 16), 4), max(64, batch)),
         )
 
 

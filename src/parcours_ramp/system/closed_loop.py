@@ -197,5 +197,5 @@ def run_case(
     facts.n_track = n_track
     measure(
         track[:n_judged], places[:n_judged], radii, robot.radius, setting.goal_x, setting.goal_y,
-        setting.goal_tolerance, facts.t_goal, SAFE_DISTANCE, np.zeros(0), facts.measures,
+        setting.goal_tolerance, facts.t_goal, SAFE_DISTANCE, radii[:0], facts.measures,
     )  # fmt: skip

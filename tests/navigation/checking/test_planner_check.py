@@ -12,7 +12,7 @@ import pytest
 from parcours_navigation.checking.battery import CHECKS, GATES, run_battery
 from parcours_navigation.checking.remark import Level
 from parcours_navigation.checking.subject import Subject
-from parcours_navigation.protocol import HEADING, Observation, Task, Trajectory, X, Y
+from parcours_navigation.protocol import HEADING, Observation, Observations, Task, Trajectory, X, Y
 
 
 def steer(observation: Observation) -> tuple[float, float]:
@@ -33,6 +33,21 @@ class Sound:
 
     def observe(self, observation: Observation) -> object:
         return steer(observation)
+
+
+class Batched:
+    def observe_batch(self, seen: Observations) -> np.ndarray:
+        return np.stack([0.2 * np.ones(len(seen.cases)), 0.1 * seen.obstacles[:, 0, X]], axis=1)
+
+
+class MixesRows(Batched):
+    def observe_batch(self, seen: Observations) -> np.ndarray:
+        return super().observe_batch(seen) - [0.0, 0.01] * seen.robots[:1, :2]
+
+
+class RoundsBySize(Batched):
+    def observe_batch(self, seen: Observations) -> np.ndarray:
+        return super().observe_batch(seen) * (1.0 + 1e-15 * len(seen.cases))
 
 
 class NeedsArguments(Sound):
@@ -234,6 +249,8 @@ PLANTED: dict[type, tuple[str, str, Level]] = {
     WritesObservation: ("leaves_observations_alone", "changes-observation", Level.ERROR),
     KeepsArray: ("keeps_no_observation", "keeps-observation", Level.ERROR),
     FearsFirstRow: ("takes_obstacles_in_any_order", "obstacle-order", Level.WARNING),
+    MixesRows: ("answers_batches_as_alone", "batch-differs", Level.ERROR),
+    RoundsBySize: ("answers_batches_as_alone", "batch-bits", Level.WARNING),
     NeedsAnObstacle: ("survives_odd_scenes", "scene-raises", Level.ERROR),
     NanAtTheGoal: ("survives_odd_scenes", "answer-finite", Level.ERROR),
     Slow: ("decides_in_time", "too-slow", Level.ERROR),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.data.arrays.goals import GoalTables, Ints
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours.streams import Stream, below
 
 
@@ -102,7 +102,7 @@ def _start_from(layout: GoalTables, row: Ints, order: Ints, set_: int, number: i
     return n_open
 
 
-@kernel
+@heap_kernel
 def grow(
     layout: GoalTables, rows: Ints, n: int, missing: Ints, n_missing: int, candidates: int, stream: Stream
 ) -> Ints:

@@ -245,7 +245,7 @@ def _is_kernel(function: ast.FunctionDef) -> bool:
     """Whether a decorator compiles the function: ours, or numba's own."""
     words = {part.id if isinstance(part, ast.Name) else part.attr for one in function.decorator_list
              for part in ast.walk(one) if isinstance(part, ast.Name | ast.Attribute)}  # fmt: skip
-    return bool(words & {"kernel", "njit", "jit"})
+    return bool(words & {"kernel", "heap_kernel", "njit", "jit"})
 
 
 def _signatures(trees: Collection[ast.Module]) -> Iterator[tuple[str, tuple[str, ...]]]:
