@@ -14,8 +14,7 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.outcomes import Outcome, outcomes
-from parcours_navigation.requirements.judging import explained, finite_robustness, own_values, verdicts, violations
+from parcours_navigation.requirements.judging import explained, finite_robustness, own_values, rates, verdicts
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
@@ -23,15 +22,6 @@ from parcours_navigation.study.distribution import SHOWN, measured, straight_way
 from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
 from parcours_navigation.study.still import animation
 
-_RATES = {
-    "contacts": Outcome.COLLIDED,
-    "reached": Outcome.REACHED,
-    "late": Outcome.UNDER_WAY,
-    "blocked": Outcome.BLOCKED,
-    "stuck": Outcome.STUCK,
-    "astray": Outcome.ASTRAY,
-    "errors": Outcome.ERROR,
-}
 _LESS_IS_WORSE = {
     "min_clearance",
     "mean_clearance",
@@ -60,13 +50,10 @@ class CampaignResults:
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
         facts = self.found.facts
-        codes = outcomes(facts)
+        counted = rates(facts, self.found.requirements)
         found = {
-            name: Measure((codes == int(outcome)).astype(float), worse="less" if name == "reached" else "more")
-            for name, outcome in _RATES.items()
+            name: Measure(values, worse="less" if name == "reached" else "more") for name, values in counted.items()
         }
-        judged = verdicts(facts, self.found.requirements)
-        found["failed"] = Measure(np.array([one in (Verdict.FAIL, Verdict.ERROR) for one in judged], float))
         straight = straight_ways(self.found.cases, facts["number"], facts["measures"])
         for name, values in measured(facts, facts["measures"], straight=straight).items():
             worse = "less" if name in _LESS_IS_WORSE else "more"
@@ -74,10 +61,8 @@ class CampaignResults:
         for name, values in own_values(facts, self.found.requirements).items():
             units = {one.name: one.unit for one in self.found.requirements.measures}
             found[name] = Measure(np.where(np.isfinite(values), values, np.nan), "quantity", units[name], "more")
-        violated = violations(facts, self.found.requirements)
         values = finite_robustness(facts, self.found.requirements)
         for k, one in enumerate(self.found.requirements.formulas):
-            found[f"violated({one.name})"] = Measure(violated[:, k])
             found[f"robustness({one.name})"] = Measure(values[:, k], "quantity", one.unit, "less")
         return found
 

@@ -23,7 +23,7 @@ from parcours.verdict.statistics import quantiles, wilson
 
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
-from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcome_of
+from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcomes_of, rates_of, values_of
 
 # At most so many: reasons in a table, rows of a trace in a table, panels of its chart
 _FEW, _SHOWN, _PANELS = 10, 200, 8
@@ -32,19 +32,16 @@ _FEW, _SHOWN, _PANELS = 10, 200, 8
 class CampaignResults:
     """The results in one folder (`parcours.study.protocol.Results`). Make them with `read_results`."""
 
-    def __init__(self, study: CampaignStudy, campaign: Campaign, facts: Rows) -> None:
+    def __init__(self, study: CampaignStudy, campaign: Campaign, facts: Rows, planned: int) -> None:
         self.study, self.seed, self.facts = study, campaign.seed, facts
-        self.label, self.planned = campaign.schedule, campaign.n_cases
+        self.label, self.planned = campaign.schedule, planned
         self.settings = settings_of(study.parameters, cast("dict[str, object]", campaign.parameters["settings"]))
         self.numbers: list[int] = facts["number"].tolist()
 
     @functools.cached_property
     def outcomes(self) -> list[Ruling]:
         """The verdicts, in the order of the facts."""
-        return [
-            outcome_of(self.study, row, self.study.known(values, self.settings))
-            for row, values in zip(self.facts, self.study.values(self.facts["number"], self.seed), strict=True)
-        ]
+        return outcomes_of(self.study, self.facts, self.settings, self.seed)
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
@@ -58,14 +55,11 @@ class CampaignResults:
 
         Which way of a fact is worse is what the study says, else what its `fail` formulas imply.
         """
-        found = {
-            name: Measure(np.array([one.verdict is verdict for one in self.outcomes], float), "rate", worse=worse)
-            for name, verdict, worse in RATES
-        }
-        found["failed"] = Measure(found["failed"].values + found["errors"].values)  # an error is no pass
+        rates, ways = rates_of(self.study, self.facts, self.outcomes), {name: worse for name, _, worse in RATES}
+        found = {name: Measure(rates[name], "rate", worse=worse) for name, worse in ways.items()}
         worse = directions(self.study.fail) | dict(self.study.worse)
         for fact in self.study.facts:
-            values = np.where(self.facts["error"] == Fault.NONE, self.facts[fact.name].astype(np.float64), np.nan)
+            values = values_of(self.facts, fact.name)
             kind: Literal["rate", "quantity"] = "rate" if fact.kind == "bool" else "quantity"
             found[fact.name] = Measure(values, kind, fact.unit, worse.get(fact.name, ""))
         return found
@@ -127,7 +121,7 @@ def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
                              slug="results-study")  # fmt: skip
     facts = facts_of(store, folder)
     try:
-        return CampaignResults(study, campaign, facts)
+        return CampaignResults(study, campaign, facts, store.planned)
     except (ParcoursError, KeyError, TypeError, AttributeError) as error:
         rule = f"it must have the study's parameters, but: {error}"
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
