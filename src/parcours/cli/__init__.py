@@ -33,6 +33,7 @@ COMMANDS = {
     "recording": "What a recording of a run holds; one format into the other.",
     "judge": "Recordings of runs, judged again.",
     "report": "Results of runs as tables, HTML and JUnit.",
+    "results": "Ask the results of a run: by groups, conditions, SQL; as Parquet.",
     "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
     "compile": "Compile all kernels now, on all processors.",

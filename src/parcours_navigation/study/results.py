@@ -13,8 +13,12 @@ from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
+from parcours.study.tabling import TableColumn, field_columns, input_columns
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.requirements.judging import explained, finite_robustness, own_values, rates, verdicts
+from parcours_navigation.facts import UNITS
+from parcours_navigation.measures.table import METRICS
+from parcours_navigation.outcomes import Outcome, outcomes
+from parcours_navigation.requirements.judging import RATES, explained, finite_robustness, own_values, rates, verdicts
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
@@ -65,6 +69,22 @@ class CampaignResults:
         for k, one in enumerate(self.found.requirements.formulas):
             found[f"robustness({one.name})"] = Measure(values[:, k], "quantity", one.unit, "less")
         return found
+
+    def columns(self) -> Mapping[str, TableColumn]:
+        """Return what is known of the cases: ids, start vectors, outcomes, facts, test inputs and their blocks."""
+        facts, cases = self.found.facts, self.found.cases
+        numbers = facts["number"]
+        words = np.array([one.name.lower() for one in Outcome])
+        found = {
+            "case": TableColumn(lambda: np.array([self._id(cases.id(int(number))) for number in numbers])),
+            "planner": TableColumn(lambda: np.full(len(facts), self.label)),
+            "start": TableColumn(lambda: np.array([".".join(map(str, cases.vector(int(n)))) for n in numbers])),
+            "verdict": TableColumn(lambda: np.array([str(one) for one in verdicts(facts, self.found.requirements)])),
+            "outcome": TableColumn(lambda: words[outcomes(facts)]),
+        }
+        # of what `measures` calls by the same name, that is meant: its path_length is not the sum of the track's chords
+        found |= field_columns(facts, UNITS | {one.name: one.unit for one in METRICS}, tuple(SHOWN))
+        return found | input_columns(cases.inputs, lambda: cases.values(numbers), {*found, *SHOWN, *RATES, "failed"})
 
     def replay(self, case: str) -> Page:
         """Return the replay of a case: a re-simulation that must give the same bits."""

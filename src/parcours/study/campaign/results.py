@@ -18,6 +18,7 @@ from parcours.run.store import Campaign, open_results
 from parcours.study.campaign.running import facts_of
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Measure, Reported, Results
+from parcours.study.tabling import TableColumn, input_columns
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import quantiles, wilson
 
@@ -64,6 +65,25 @@ class CampaignResults:
             found[fact.name] = Measure(values, kind, fact.unit, worse.get(fact.name, ""))
         return found
 
+    def columns(self) -> Mapping[str, TableColumn]:
+        """Return what is known of the cases: ids, verdicts, reasons, facts, test inputs and their blocks."""
+        facts, study = self.facts, self.study
+        found = {
+            "case": TableColumn(lambda: np.array([study.id(number) for number in self.numbers])),
+            "number": TableColumn(lambda: facts["number"]),
+            "verdict": TableColumn(lambda: np.array([str(one.verdict) for one in self.outcomes])),
+            "reason": TableColumn(lambda: np.array([one.reason for one in self.outcomes])),
+            "error": TableColumn(lambda: facts["error"]),
+        }
+        for one in study.own:
+            found[one.name] = TableColumn(functools.partial(np.full, len(facts), self.settings[one.name]), one.unit)
+        for fact in study.facts:
+            plain = functools.partial(np.ascontiguousarray, facts[fact.name])
+            known = functools.partial(values_of, facts, fact.name)  # NaN after an error
+            found[fact.name] = TableColumn(known if facts["error"].any() else plain, fact.unit)
+        drawn = functools.partial(_drawn, study, facts["number"], self.seed)
+        return found | input_columns(study.inputs, drawn, found)
+
     def replay(self, case: str) -> Page:
         """Return a page on one case, simulated again: it must give the facts that were kept."""
         number = self.study.number(case)
@@ -102,6 +122,10 @@ class CampaignResults:
         rule = f"a replay must give the facts that were kept, but {'; '.join(differing[:3])}"
         remedy = "the simulation changed, remembers earlier cases, or draws random numbers of its own; see its check"
         return BadResults(id, rule, remedy, slug="replay-differs")
+
+
+def _drawn(study: CampaignStudy, numbers: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+    return np.array(study.values(numbers, seed), np.float64).reshape(len(numbers), len(study.inputs.domains))
 
 
 def _value(value: np.generic) -> object:
