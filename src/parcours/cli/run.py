@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _FRESH = (
     "run.json", "cases.jsonl", "components.json", "campaign.json", "shard-*", "live.jsonl", "recordings", "nodes",
-    "results.json", "junit.xml", "stopped.json",
+    "results.json", "junit.xml", "stopped.json", "reproduced.json",
 )  # fmt: skip
 """What runs leave in their folders."""
 

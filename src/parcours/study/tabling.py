@@ -244,7 +244,7 @@ def input_columns(
             column = drawn()[:, k]
             if words:
                 return np.array(words)[column.astype(int)]
-            return column.astype(np.int64) if kind == "integer" else column
+            return np.asarray(column, np.int64 if kind == "integer" else np.float64)
 
         def block(k: int = k, labels: NDArray[np.str_] = labels) -> NDArray[Any]:
             return labels[inputs.domains[k].blocks_of(drawn()[:, k])]  # OUTSIDE is -1, the last
@@ -258,7 +258,7 @@ def field_columns(
     facts: NDArray[np.void], units: Mapping[str, str], skip: Sequence[str] = ()
 ) -> dict[str, TableColumn]:
     """Return a column for each plain field of structured facts, also of a record within them, by its name."""
-    columns = {}
+    columns: dict[str, TableColumn] = {}
     for name in facts.dtype.names or ():
         kind = facts.dtype[name]
         if kind.names is not None and not kind.shape:
