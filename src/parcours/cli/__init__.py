@@ -36,6 +36,7 @@ COMMANDS = {
     "results": "Ask the results of a run: by groups, conditions, SQL; as Parquet.",
     "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
+    "history": "A file with a line a run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "compile": "Compile all kernels now, on all processors.",
 }
