@@ -64,3 +64,10 @@ shape (n, n_obstacles, 2) [m]."""
 
 TRACK_PERIOD = 50_000_000
 """Time between two entries of a track [ns]."""
+
+UNITS = {
+    **{name: "ns" for name in FACTS.names or () if name.startswith("t_") or name == "halted_time"},
+    **dict.fromkeys(("x", "y", "to_goal", "goal_gap", "min_clearance", "travelled"), "m"),
+    "heading": "rad", "time_left": "s",
+}  # fmt: skip
+"""The units of facts that have one, by name."""

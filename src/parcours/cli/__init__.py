@@ -33,8 +33,11 @@ COMMANDS = {
     "recording": "What a recording of a run holds; one format into the other.",
     "judge": "Recordings of runs, judged again.",
     "report": "Results of runs as tables, HTML and JUnit.",
+    "results": "Ask the results of a run: by groups, conditions, SQL; as Parquet.",
     "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
+    "history": "A file with a line a run, to which CI appends: rates over time.",
+    "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "compile": "Compile all kernels now, on all processors.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""

@@ -74,6 +74,17 @@ def _is_worse(compared: Baseline, baseline: Path) -> bool:
     return bool(worse)
 
 
+def same_seed(ours: Path, theirs: Path) -> bool:
+    """Return whether two folders say that they are of one seed; True where one does not say."""
+    from parcours.study.journal import RUN, read_question
+
+    if not ((ours / RUN).exists() and (theirs / RUN).exists()):
+        return True
+    one, other = (read_question(folder)["question"] for folder in (ours, theirs))
+    assert isinstance(one, dict) and isinstance(other, dict)
+    return one.get("seed") == other.get("seed")
+
+
 def require_same_cases(ours: Path, theirs: Path) -> None:
     """Raise BadRequest if two folders say that their cases are of different seeds or studies."""
     from parcours.errors import BadRequest

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.errors import BadRequest
-from parcours.verdict.statistics import Rate, holm, wilson
+from parcours.verdict.statistics import Rate, RateDifference, holm, rate_difference, wilson
 from parcours_navigation.arena.solvability import shortest_way
-from parcours_navigation.comparison.pairing import RateDifference, TimeDifference, rate_difference, time_difference
+from parcours_navigation.comparison.pairing import TimeDifference, time_difference
 from parcours_navigation.comparison.results import (
     QUESTIONS,
     RULES,

@@ -9,9 +9,8 @@ import numpy as np
 
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.report.terminal import to_markdown
-from parcours.verdict.statistics import Rate, quantiles
+from parcours.verdict.statistics import Rate, RateDifference, quantiles
 from parcours_navigation.comparison.analysis import Analysis, PairTest, Score, finite
-from parcours_navigation.comparison.pairing import RateDifference
 from parcours_navigation.comparison.requiring import requirement_tables
 from parcours_navigation.comparison.results import QUESTIONS, RULES, STUCK, Floats
 from parcours_navigation.outcomes import VERDICT_OF, Outcome

@@ -85,7 +85,7 @@ def load_campaign(folder: Path) -> SystemResults:
             str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign again",
             slug="results-parameters",
         ) from error  # fmt: skip
-    return SystemResults(study, facts_of(store, folder), campaign.n_cases)
+    return SystemResults(study, facts_of(store, folder), store.planned)
 
 
 def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:

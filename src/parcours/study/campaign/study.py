@@ -23,7 +23,19 @@ from parcours.run.campaign import run_campaign
 from parcours.run.heartbeat import write_place
 from parcours.study.campaign.calling import REASON_LENGTH, Alarm, PythonCaller, Target, rows_of, shown, words_of
 from parcours.study.campaign.results import Trace, read_results, report_results
-from parcours.study.campaign.rules import ABSTRACT, KINDS, Fact, Rows, Rule, Worse, clashes, outcome_of, types_of
+from parcours.study.campaign.rules import (
+    ABSTRACT,
+    KINDS,
+    Fact,
+    Rows,
+    Rule,
+    Worse,
+    clashes,
+    outcome_of,
+    outcomes_of,
+    rates_of,
+    types_of,
+)
 from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, run_apart
@@ -81,6 +93,7 @@ class CampaignStudy:
 
     kind = "campaign"
     family = "campaign"
+    stops = True
 
     def __post_init__(self) -> None:
         where = f"study {self.name!r}"
@@ -213,6 +226,7 @@ class CampaignStudy:
         return run_numbered(
             self.name, self.where, simulation, len(self.plan(request.seed, request.n_cases)), numbers, question,
             int(request.settings["workers"]), request, progress, simulation.label,
+            lambda facts: rates_of(self, facts, outcomes_of(self, facts, request.settings, request.seed)),
         )  # fmt: skip
 
     def read(self, folder: Path) -> Results:
