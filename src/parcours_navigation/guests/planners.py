@@ -21,6 +21,7 @@ from parcours.errors import BadRequest, one_of
 from parcours.run.heartbeat import write_place
 from parcours.run.raised import said
 from parcours.study.loading import Source, read_source
+from parcours_navigation.foreign.stack import StackPlanner, is_stack, read_stack
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 
@@ -104,6 +105,8 @@ def source_of(planner: str) -> Source | None:
     """
     if planner in names():
         return None
+    if is_stack(planner):
+        return _read(planner, Path(planner))
     where, _ = _parts(planner)
     if _is_file(where):
         return _read(planner, Path(where))
@@ -126,6 +129,8 @@ def located(planner: PlannerLike) -> PlannerLike:
     """
     if not isinstance(planner, str) or planner in names():
         return planner
+    if is_stack(planner):
+        return str(Path(planner).absolute())
     where, attribute = _parts(planner)
     return f"{Path(where).absolute()}:{attribute}" if _is_file(where) else planner
 
@@ -146,6 +151,9 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     >>> load_planner(lambda observation: (0.0, 0.0)).reset is None
     True
     """
+    if isinstance(planner, str) and is_stack(planner):
+        write_place("its binding")
+        return _ready(planner, StackPlanner(read_stack(planner)))
     if isinstance(planner, str):
         where, attribute = _parts(planner)
         write_place("the import of its module")

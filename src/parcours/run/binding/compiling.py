@@ -22,9 +22,10 @@ from parcours.run.binding.places import EVERY, Place, path_text
 from parcours.run.binding.quantities import plain
 from parcours.run.binding.readings import Reading, Writer, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
-from parcours.run.binding.worlds import ASKED
+from parcours.run.binding.worlds import ASKED, LISTS
 
 _TYPE_OF = {bool: BOOL, int: INT, float: REAL, str: TEXT}
+_SAID = {name: Type(item, rank=1) for name, item in LISTS.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +237,8 @@ class _Work:
         """Whether the value of a formula over constants, numbers and what is seen can be put at a place."""
         known, place = self.constants, access.place
         types = {
-            p: _TYPE_OF[type(known[str(p)])] if str(p) in known else seen.get(str(p), REAL) for p in formula.places
+            p: _TYPE_OF[type(known[str(p)])] if str(p) in known else seen.get(str(p), _SAID.get(str(p), REAL))
+            for p in formula.places
         }
         try:
             given = formula.type(types, f"{str(place)!r} of {where}")

@@ -16,6 +16,7 @@ from parcours.run.binding import structure as parts
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.places import Place, parse_place
 from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
+from parcours.run.binding.standard import COMMANDS, standard_channels
 
 T = TypeVar("T")
 
@@ -251,6 +252,26 @@ class PartReader(QuantityReader):
         }  # fmt: skip
         said = self.section(node, what, table, ("sense", "command"))
         return parts.System(alarm=said.pop("imminent_collision"), line=node.line, **said)
+
+    def stack(self, node: Node, what: str) -> tuple[parts.Stack, tuple[parts.BoundChannel, ...]]:
+        """Return the section of a navigation stack, and the channels of the standard topics that it names."""
+        known = standard_channels()
+        table: Table = {
+            **dict.fromkeys(known, (self.address, "")), "time": (self.choice("simulated", "real"), "simulated"),
+            "step": (self.duration, 0.05), "hops": (lambda node, what: self.integer(node, what, 0, 20), 0),
+            "network": (self.choice("own", "shared"), "own"),
+        }  # fmt: skip
+        said = self.section(node, what, table)
+        named = [key for key in known if said[key]]
+        commands = [key for key in named if key in COMMANDS]
+        if len(commands) != 1:
+            rule = f"{what} must name one of {' and '.join(COMMANDS)}, but names {len(commands) or 'neither'}"
+            self.add(node, "binding-stack", rule, "e.g. command: /cmd_vel")
+        roles: dict[bool, parts.Role] = {True: "observe", False: "provide"}
+        channels = (self.channel(roles[key in COMMANDS], key, known[key], node.line) for key in named)
+        stack = parts.Stack(commands[0] if commands else "", said["time"] == "simulated", said["step"], said["hops"],
+                            said["network"] == "own", node.line)  # fmt: skip
+        return stack, tuple(replace(channel, address=said[channel.name]) for channel in channels)
 
     def robot(self, node: Node, what: str) -> tuple[tuple[str, float], ...]:
         """Return what is said of the simulated robot."""

@@ -192,6 +192,26 @@ class System:
 
 
 @dataclass(frozen=True, slots=True)
+class Stack:
+    """A navigation stack that is driven in worlds through its standard topics (docs/ros2.md).
+
+    Args:
+        command: the channel on which its commands come.
+        simulated: whether time passes on /clock, as fast as its nodes can work; else it is the machine's.
+        step: the longest time that passes at once on /clock [s].
+        hops: how many messages may follow on each other between its nodes, unheard by the tester.
+        own: whether its nodes run in a network of their own.
+    """
+
+    command: str
+    simulated: bool = True
+    step: float = 0.05
+    hops: int = 0
+    own: bool = True
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Binding:
     """A checked binding and the model that it binds. Paths are absolute or relative to the working directory."""
 
@@ -203,6 +223,7 @@ class Binding:
     timing: tuple[Bound, ...] = ()
     warm_up: int = 10
     system: System | None = None
+    stack: Stack | None = None
     constants: tuple[tuple[str, Constant], ...] = ()
     data: tuple[str, ...] = ()
     """The names of the test inputs that formulas may use."""

@@ -9,7 +9,7 @@ of that, and what it is asked next, after the timers that have become due.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -20,8 +20,13 @@ from parcours.run.hosts.ros2.participant import Participant
 START = 1_000_000_000
 """The first instant [ns]: zero on /clock means that there is no time yet."""
 
-_DISCOVERY = 30.0
 _ROUNDS_OF_A_HOP = 2
+
+_AHEAD = 100_000_000_000
+"""How far time goes ahead before it goes back for the first time [ns]: no timer waits that long."""
+
+_PIECE = 50_000_000
+"""The longest wait in one piece [ns]."""
 
 
 class SteppedClock:
@@ -36,6 +41,8 @@ class SteppedClock:
         quiet: how long all must be silent after they have answered [ns of real time]; for nodes that have
             threads of their own.
         within: how long a step may take [s of real time].
+        discovery: how long nodes may take to be found [s of real time].
+        look: called now and then while nodes are waited for; what it raises ends the waiting.
 
     Raises:
         BadRequest: step is not positive.
@@ -45,7 +52,8 @@ class SteppedClock:
     name: ClockName = "simulated"
 
     def __init__(self, participant: Participant, nodes: Sequence[str], watched: Mapping[str, Any] | None = None, *,
-                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, within: float = 10.0) -> None:  # fmt: skip
+                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, within: float = 10.0, discovery: float = 30.0,
+                 look: Callable[[], None] = lambda: None) -> None:  # fmt: skip
         from rcl_interfaces.srv import GetParameterTypes
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from rosgraph_msgs.msg import Clock as ClockMessage
@@ -53,6 +61,7 @@ class SteppedClock:
         if step <= 0:
             raise BadRequest("stepped clock", f"a step takes time, but {step} ns was given", slug="ros2-step")
         self._participant, self._step, self._quiet, self._within = participant, step, quiet, within
+        self._discovery, self._look = discovery, look
         self._rounds = _ROUNDS_OF_A_HOP * (hops + 1)
         self._zero = self._instant = START
         self._message = ClockMessage()
@@ -77,7 +86,7 @@ class SteppedClock:
         self._heard += 1
 
     def _await_nodes(self) -> None:
-        deadline = time.monotonic() + _DISCOVERY
+        deadline = time.monotonic() + self._discovery
         while True:
             absent = [node for node, client in self._clients.items() if not client.service_is_ready()]
             deaf = self._publisher.get_subscription_count() < len(self._clients)
@@ -113,13 +122,28 @@ class SteppedClock:
         self.advance(until)
 
     def restart(self) -> None:
-        """Count from now on; on /clock time never goes back."""
+        """Count from now on; on /clock time goes on."""
         self._zero = self._instant
 
     def _publish(self) -> None:
         self._message.clock.sec, self._message.clock.nanosec = divmod(self._instant, 1_000_000_000)
         self._publisher.publish(self._message)
         self.settle()
+
+    def begin(self) -> None:
+        """Set /clock back to its first instant, and count from there: timers of nodes start their periods again.
+
+        Time goes back each time, the first one, too, so that nodes find nothing different.
+        """
+        if self._instant == START:
+            self._instant += _AHEAD
+            self._publish()
+        self._zero = self._instant = START
+        self._publish()
+
+    def stirred(self) -> None:
+        """Take note that nodes are not quiet: one was heard on another way."""
+        self._heard += 1
 
     def settle(self) -> None:
         """Return once all nodes are quiet: also after something was said to them.
@@ -144,7 +168,11 @@ class SteppedClock:
         for client in self._clients.values():
             client.handle.send_request(self._ask)
         while self._unanswered:
-            if not self._participant.spin(deadline):
+            now = time.perf_counter_ns()
+            if self._participant.spin(min(deadline, now + _PIECE)):
+                continue
+            self._look()
+            if self._unanswered and time.perf_counter_ns() >= deadline:
                 who = ", ".join(sorted(self._unanswered))
                 rule = f"each node must answer within {self._within:g} s of real time, but silent is {who}"
                 raise HostFailure("stepped clock", rule, "see whether it still runs", slug="ros2-restless")
