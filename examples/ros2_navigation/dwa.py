@@ -50,7 +50,7 @@ class Dwa(Node):
         """Take up what is around, as points in the robot's frame."""
         ranges = np.asarray(scan.ranges)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-        seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges < 3.0)
+        seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges < 2.0)
         self.points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))[seen]
 
     def on_goal(self, goal):
@@ -69,25 +69,36 @@ class Dwa(Node):
                 command.linear.x, command.angular.z = self.choose(ahead, aside)
         self.commands.publish(command)
 
+    def free_bearing(self, goal_x, goal_y):
+        """Return the bearing next to the goal's along which the robot fits through for a while."""
+        bearing, far = math.atan2(goal_y, goal_x), min(math.hypot(goal_x, goal_y), 1.3)
+        for turn in sorted(np.linspace(-1.6, 1.6, 33), key=abs):
+            s, c = math.sin(bearing + turn), math.cos(bearing + turn)
+            along = self.points[:, 0] * c + self.points[:, 1] * s
+            aside = np.abs(self.points[:, 1] * c - self.points[:, 0] * s)
+            if not np.any((along > 0.0) & (along < far) & (aside < self.radius + 2.0 * self.margin)):
+                return bearing + turn
+        return bearing
+
     def choose(self, goal_x, goal_y):
         """Return speed and yaw rate of the best arc to a goal in the robot's frame; stop and turn if there is none."""
+        aim = self.free_bearing(goal_x, goal_y)
         reach = self.acceleration * 2.0 * self.period
         speeds = np.linspace(max(0.0, self.v - reach), min(self.speed, self.v + reach), 5)
         v, w = (one.ravel() for one in np.meshgrid(speeds, np.linspace(-self.turn_rate, self.turn_rate, 13)))
-        times = np.linspace(0.2, self.horizon, 7)
+        times = np.linspace(0.2, self.horizon, 5)
         turned = w[:, None] * times
         straight = np.abs(turned) < 1e-6
         safe = np.where(straight, 1.0, turned)
         along = v[:, None] * times * np.where(straight, 1.0, np.sin(safe) / safe)
         across = v[:, None] * times * np.where(straight, 0.0, (1.0 - np.cos(safe)) / safe)
-        gap = np.full(len(v), 3.0)
+        gap = np.full(len(v), 2.0)
         if len(self.points):
             far = np.hypot(along[:, :, None] - self.points[:, 0], across[:, :, None] - self.points[:, 1])
             gap = np.minimum(gap, far.min(axis=(1, 2)) - self.radius)
-        left_over = np.hypot(goal_x - along[:, -1], goal_y - across[:, -1])
-        bearing = np.arctan2(goal_y - across[:, -1], goal_x - along[:, -1]) - turned[:, -1]
+        bearing = aim - turned[:, 1]
         bearing = np.abs(np.arctan2(np.sin(bearing), np.cos(bearing)))
-        cost = left_over + 0.3 * bearing + 0.15 / np.maximum(gap, 0.02) - 0.1 * v
+        cost = bearing - v + 1.5 * np.maximum(0.0, 0.25 - gap)
         cost[gap < self.margin] = np.inf
         best = int(np.argmin(cost))
         if not np.isfinite(cost[best]):

@@ -8,7 +8,11 @@ simulated time nobody waits for a clock: an observation is a step of /clock, whi
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
+import os
+import shutil
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -25,6 +29,7 @@ from parcours.run.binding.structure import Binding, BoundChannel, Stack
 from parcours.run.binding.worlds import body, odometry
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
+from parcours.study.loading import Source
 from parcours_navigation.protocol import Answer, Command, Observation, Task, Velocity
 
 if TYPE_CHECKING:
@@ -32,6 +37,8 @@ if TYPE_CHECKING:
     from parcours.run.hosts.ros2.stepping import SteppedClock
 
 Values = dict[str, object]
+
+_FOLDER = "parcours-stack-"
 
 _BEFORE = 1_000_000
 """How long before timers are due the sensors speak [ns]."""
@@ -52,32 +59,41 @@ def read_stack(path: Path | str) -> Binding:
     return binding
 
 
-def is_stack(planner: str) -> bool:
-    """Return whether a planner's name is that of a binding's file.
+def source_of_stack(path: Path | str) -> Source:
+    """Return what the results of a stack depend on: its binding, and the files that it names."""
+    binding = read_stack(path)
+    files = [Path(path).absolute(), *binding.files]
+    return Source(files[0], b"\0".join(file.read_bytes() for file in files))
 
-    >>> is_stack("robot.yaml"), is_stack("orca")
-    (True, False)
+
+@functools.cache
+def running(path: str) -> StackNodes:
+    """Return the nodes of a stack in this process, started once: they serve all its planners, one case after the other.
+
+    Raises as `StackNodes`, the same each time.
     """
-    return planner.endswith((".yaml", ".yml"))
+    binding = read_stack(path)
+    nodes = StackNodes(binding)
+    atexit.register(nodes.close)
+    return nodes
 
 
 class StackPlanner:
     """The nodes of a binding as a planner; they are started when the first case begins.
 
     Args:
-        binding: with a section `stack`.
+        path: of a binding with a section `stack`.
 
     Attributes:
         needs: what its binding tells it of.
     """
 
-    def __init__(self, binding: Binding) -> None:
-        assert binding.stack is not None
-        self._binding, self._stack = binding, binding.stack
-        self.needs = senses_of(binding)
-        self._nodes: StackNodes | None = None
-        self._failure: HostFailure | BadRequest | None = None
+    def __init__(self, path: Path | str) -> None:
+        self._path = str(Path(path).absolute())
+        self._binding = read_stack(path)
+        self.needs = senses_of(self._binding)
         self._told: tuple[float, ...] = ()
+        self._start: Values = {}
 
     def reset(self, task: Task) -> None:
         """Begin a case: nothing of the last one is left but what the nodes remember of their own.
@@ -86,23 +102,18 @@ class StackPlanner:
             HostFailure: the nodes cannot be had here, or one has died.
             BadRequest: the binding does not fit them.
         """
-        if self._failure is not None:
-            raise self._failure
-        if self._nodes is None:
-            try:
-                self._nodes = StackNodes(self._binding)
-            except (HostFailure, BadRequest) as error:
-                self._failure = error
-                raise
         self._told = ()
         self._nodes.begin()
+
+    @property
+    def _nodes(self) -> StackNodes:
+        return running(self._path)
 
     def observe(self, observation: Observation) -> Answer:
         """Return the last command of the nodes, once they have seen what is to be seen.
 
         Raises HostFailure if a node has died, or does not come to rest.
         """
-        assert self._nodes is not None
         nodes, task = self._nodes, observation.task
         now = round(observation.time * 1e9)
         due = now + round(task.period * 1e9)
@@ -119,12 +130,6 @@ class StackPlanner:
             return None
         ahead, aside, turn = command
         return Velocity(ahead, aside, turn) if task.robot.kind == "holonomic" else Command(ahead, turn)
-
-    def close(self) -> None:
-        """End the nodes."""
-        if self._nodes is not None:
-            self._nodes.close()
-            self._nodes = None
 
     def _values(self, observation: Observation, stamp: float) -> Values:
         task = observation.task
@@ -149,6 +154,15 @@ class StackPlanner:
                        "map.columns": columns, "map.resolution": ground.resolution, "map.x": ground.origin[0],
                        "map.y": ground.origin[1]}  # fmt: skip
         return values
+
+
+def _folder() -> Path:
+    """Return this process's folder for the output of nodes. Workers are killed when they are done: others clean up."""
+    here = Path(tempfile.gettempdir())
+    for old in here.glob(f"{_FOLDER}*"):
+        if not Path("/proc", old.name.removeprefix(_FOLDER)).exists():
+            shutil.rmtree(old, ignore_errors=True)
+    return here / f"{_FOLDER}{os.getpid()}"
 
 
 def senses_of(binding: Binding) -> tuple[str, ...]:
@@ -202,8 +216,7 @@ class StackNodes:
                 from parcours.run.hosts.isolation import enter_own_network
 
                 enter_own_network()
-            folder = self._closing.enter_context(tempfile.TemporaryDirectory(prefix="parcours-stack-"))
-            host = self._closing.enter_context(ForeignHost(binding, Path(folder)))
+            host = self._closing.enter_context(ForeignHost(binding, _folder()))
             self._session: Session = Session(host, whole(binding), listener=self._hear)
             self._closing.callback(self._session.end)
             self._session.start()

@@ -21,7 +21,6 @@ from parcours.errors import BadRequest, one_of
 from parcours.run.heartbeat import write_place
 from parcours.run.raised import said
 from parcours.study.loading import Source, read_source
-from parcours_navigation.foreign.stack import StackPlanner, is_stack, read_stack
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 
@@ -46,7 +45,7 @@ GROUP = "parcours.planners"
 
 _process_id = os.getpid  # that of this file, whatever a planner makes of the function
 
-_REMEDY = "name a planner that ships with Parcours, package.module:Name, or path/to/file.py:Name"
+_REMEDY = "name a planner that ships with Parcours, package.module:Name, path/to/file.py:Name, or a binding.yaml"
 
 Observe = Callable[[Observation], Answer]
 PlannerLike = str | type | Observe | object
@@ -106,7 +105,9 @@ def source_of(planner: str) -> Source | None:
     if planner in names():
         return None
     if is_stack(planner):
-        return _read(planner, Path(planner))
+        from parcours_navigation.foreign.stack import source_of_stack
+
+        return source_of_stack(planner)
     where, _ = _parts(planner)
     if _is_file(where):
         return _read(planner, Path(where))
@@ -139,8 +140,8 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     """Return a planner that is ready to be asked. The current folder is importable.
 
     Args:
-        planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", or the
-            class, function or object itself. What it prints while it is loaded goes to standard error.
+        planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", the
+            binding of a navigation stack, or the class, function or object itself. What it prints while it is loaded goes to standard error.
         source: what its file held when it was first read; by default it is read now.
 
     Raises:
@@ -152,8 +153,10 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     True
     """
     if isinstance(planner, str) and is_stack(planner):
+        from parcours_navigation.foreign.stack import StackPlanner
+
         write_place("its binding")
-        return _ready(planner, StackPlanner(read_stack(planner)))
+        return _ready(planner, StackPlanner(planner))
     if isinstance(planner, str):
         where, attribute = _parts(planner)
         write_place("the import of its module")
@@ -177,6 +180,15 @@ def _parts(planner: str) -> tuple[str, str]:
         rule = "must be a known name, or say what to take from where after a colon"
         raise BadRequest(f"planner {planner!r}", rule, f"{_REMEDY}; {one_of(planner, names())}", slug="planner-unknown")
     return where, attribute
+
+
+def is_stack(planner: str) -> bool:
+    """Return whether a planner's name is that of the binding of a navigation stack.
+
+    >>> is_stack("robot.yaml"), is_stack("orca")
+    (True, False)
+    """
+    return planner.endswith((".yaml", ".yml"))
 
 
 def _is_file(where: str) -> bool:

@@ -238,6 +238,13 @@ class Binding:
     source: str = field(default="", compare=False)
     doc: str = ""
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that results depend on beside the binding itself: model, data, and what its commands name."""
+        named = [Path(file) for file in (self.model.source, self.data_file) if file]
+        words = [node.cwd / word for node in self.nodes for word in node.command if not Path(word).is_absolute()]
+        return [file for file in dict.fromkeys([*named, *words]) if file.is_file()]
+
     def channel(self, name: str) -> BoundChannel:
         """Return the bound channel called `name`. Raises KeyError if there is none."""
         for channel in self.channels:

@@ -9,6 +9,7 @@ of that, and what it is asked next, after the timers that have become due.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -20,7 +21,7 @@ from parcours.run.hosts.ros2.participant import Participant
 START = 1_000_000_000
 """The first instant [ns]: zero on /clock means that there is no time yet."""
 
-_ROUNDS_OF_A_HOP = 2
+_QUESTIONS = 2
 
 _AHEAD = 100_000_000_000
 """How far time goes ahead before it goes back for the first time [ns]: no timer waits that long."""
@@ -62,12 +63,12 @@ class SteppedClock:
             raise BadRequest("stepped clock", f"a step takes time, but {step} ns was given", slug="ros2-step")
         self._participant, self._step, self._quiet, self._within = participant, step, quiet, within
         self._discovery, self._look = discovery, look
-        self._rounds = _ROUNDS_OF_A_HOP * (hops + 1)
+        self._rounds = hops + 1
         self._zero = self._instant = START
         self._message = ClockMessage()
         self._publisher = participant.node.create_publisher(ClockMessage, "/clock", 10)
         self._ask = GetParameterTypes.Request()
-        self._unanswered: set[str] = set()
+        self._unanswered: Counter[str] = Counter()
         self._heard = 0
         self._clients: dict[str, Any] = {}
         for node in nodes:
@@ -80,7 +81,9 @@ class SteppedClock:
         self._publish()
 
     def _answer(self, node: str, number: int, answer: object) -> None:
-        self._unanswered.discard(node)
+        self._unanswered[node] -= 1
+        if self._unanswered[node] <= 0:
+            del self._unanswered[node]
 
     def _hear(self, message: bytes) -> None:
         self._heard += 1
@@ -155,7 +158,8 @@ class SteppedClock:
         while quiet_rounds < self._rounds:
             before = self._heard
             self._question(deadline)
-            quiet_rounds = quiet_rounds + 1 if self._heard == before else 0
+            is_quiet = self._rounds == 1 or self._heard == before  # without hops nobody else listens
+            quiet_rounds = quiet_rounds + 1 if is_quiet else 0
             if quiet_rounds == self._rounds and self._quiet:
                 self._participant.spin(time.perf_counter_ns() + self._quiet)
                 quiet_rounds = quiet_rounds if self._heard == before else 0
@@ -164,9 +168,11 @@ class SteppedClock:
                 raise HostFailure("stepped clock", rule, "are there timers on the real clock?", slug="ros2-restless")
 
     def _question(self, deadline: int) -> None:
-        self._unanswered.update(self._clients)
-        for client in self._clients.values():
-            client.handle.send_request(self._ask)
+        """Ask each node twice at once: an executor takes one question in a round of its callbacks."""
+        self._unanswered = Counter(dict.fromkeys(self._clients, _QUESTIONS))
+        for _ in range(_QUESTIONS):
+            for client in self._clients.values():
+                client.handle.send_request(self._ask)
         while self._unanswered:
             now = time.perf_counter_ns()
             if self._participant.spin(min(deadline, now + _PIECE)):
