@@ -6,6 +6,7 @@ and publishes /cmd_vel (geometry_msgs/TwistStamped) at 20 Hz. All are in one fra
 """
 
 import contextlib
+import itertools
 import math
 
 import rclpy
@@ -44,7 +45,7 @@ class PurePursuit(Node):
         """Follow a new path from its first point on."""
         corners = [(one.pose.position.x, one.pose.position.y) for one in path.poses]
         self.path, self.passed = [], 0
-        for (x0, y0), (x1, y1) in zip(corners, corners[1:]):
+        for (x0, y0), (x1, y1) in itertools.pairwise(corners):
             n = max(1, round(math.hypot(x1 - x0, y1 - y0) / 0.05))
             self.path += [(x0 + (x1 - x0) * k / n, y0 + (y1 - y0) * k / n) for k in range(n)]
         self.path += corners[-1:]

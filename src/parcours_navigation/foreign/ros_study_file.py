@@ -43,6 +43,10 @@ def read_ros(reader: StudyReader, root: Node) -> Study | None:
     cases = reader.integer(top["cases"], "cases", 0, 1_000_000) if "cases" in top else None
     if binding is None:
         return None
+    if binding.stack is not None:
+        rule = "a navigation stack is run by a study of kind planner, but this one's is ros"
+        reader.add(top.get("binding"), "binding-stack", rule, f"write kind: planner and planner: {path.name}")
+        return None
     if cases != 0 and next(abstract_scenes(binding, 1), None) is None:
         require_cases(binding.model, binding.model.source)
     for file in binding.files:

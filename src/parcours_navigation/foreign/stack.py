@@ -16,6 +16,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,8 +44,8 @@ _FOLDER = "parcours-stack-"
 _BEFORE = 1_000_000
 """How long before timers are due the sensors speak [ns]."""
 
-_PATIENCE = 5.0
-"""How long the nodes may take to be found on /clock [s]."""
+_PATIENCE = 2.0
+"""How long nodes whose topics are there may take to be found on /clock [s]."""
 
 _SENSES = {"scan.": "scan", "map.": "map", "waypoint.": "path"}
 """How names begin that a world gives only if it has such a sense."""
@@ -93,7 +94,7 @@ class StackPlanner:
         self._binding = read_stack(path)
         self.needs = senses_of(self._binding)
         self._told: tuple[float, ...] = ()
-        self._start: Values = {}
+        self._start: dict[str, float] = {}
 
     def reset(self, task: Task) -> None:
         """Begin a case: nothing of the last one is left but what the nodes remember of their own.
@@ -156,6 +157,19 @@ class StackPlanner:
         return values
 
 
+def check_stack(binding: Binding) -> None:
+    """Start the nodes of a stack once, in this network, and see that they have what is bound, and follow its clock.
+
+    Raises as `StackNodes`.
+    """
+    assert binding.stack is not None
+    nodes = StackNodes(replace(binding, stack=replace(binding.stack, own=False)))
+    try:
+        nodes.begin()
+    finally:
+        nodes.close()
+
+
 def _folder() -> Path:
     """Return this process's folder for the output of nodes. Workers are killed when they are done: others clean up."""
     here = Path(tempfile.gettempdir())
@@ -208,7 +222,7 @@ class StackNodes:
         self.channels = [one for one in binding.channels if one.role == "provide"]
         self.continual = [one for one in self.channels if not one.latch]
         self._closing = contextlib.ExitStack()
-        self._last: tuple[float, float, float] | None = None
+        self._last: bytes | None = None
         self._clock: SteppedClock | None = None
         self._began = 0
         try:
@@ -244,11 +258,9 @@ class StackNodes:
 
     def _hear(self, event: TraceEvent) -> None:
         if event.kind == "receive" and event.channel == self._stack.command and isinstance(event.payload, Raw):
+            self._last = event.payload.content
             if self._clock is not None:
                 self._clock.stirred()
-            message = self._decoder.message(event.channel, event.payload.content)
-            twist = message.twist if event.channel == "command_stamped" else message
-            self._last = twist.linear.x, twist.linear.y, twist.angular.z
 
     def _look(self) -> None:
         """See whether all nodes live. Raises HostFailure if one does not."""
@@ -295,9 +307,17 @@ class StackNodes:
             self._clock.advance(due)
 
     def command(self) -> tuple[float, float, float] | None:
-        """Return the last command of the case: speed ahead and to the left [m/s], yaw rate [rad/s]; None before."""
+        """Return the last command of the case: speed ahead and to the left [m/s], yaw rate [rad/s]; None before.
+
+        Raises HostFailure if it cannot be read.
+        """
         self._session.relay.events.clear()
-        return self._last
+        if self._last is None:
+            return None
+        channel = self._stack.command
+        message = self._decoder.message(channel, self._last)
+        twist = message.twist if channel == "command_stamped" else message
+        return twist.linear.x, twist.linear.y, twist.angular.z
 
     def close(self) -> None:
         """End the nodes."""

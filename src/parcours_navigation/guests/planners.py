@@ -40,12 +40,15 @@ SHIPPED = {
 }
 """Planners that ship with Parcours and are run as anybody's are."""
 
+STACKS = "parcours_navigation.foreign.stack"
+"""What makes planners of the bindings of navigation stacks."""
+
 GROUP = "parcours.planners"
 """Entry points by which packages add planners: a planner's class, or an `OwnLoop`."""
 
 _process_id = os.getpid  # that of this file, whatever a planner makes of the function
 
-_REMEDY = "name a planner that ships with Parcours, package.module:Name, path/to/file.py:Name, or a binding.yaml"
+_REMEDY = "name a planner that ships with Parcours, package.module:Name, path/to/file.py:Name, or a binding's file"
 
 Observe = Callable[[Observation], Answer]
 PlannerLike = str | type | Observe | object
@@ -105,9 +108,7 @@ def source_of(planner: str) -> Source | None:
     if planner in names():
         return None
     if is_stack(planner):
-        from parcours_navigation.foreign.stack import source_of_stack
-
-        return source_of_stack(planner)
+        return cast(Source, importlib.import_module(STACKS).source_of_stack(planner))
     where, _ = _parts(planner)
     if _is_file(where):
         return _read(planner, Path(where))
@@ -141,7 +142,8 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
 
     Args:
         planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", the
-            binding of a navigation stack, or the class, function or object itself. What it prints while it is loaded goes to standard error.
+            binding of a navigation stack, or the class, function or object itself. What it prints while it is loaded
+            goes to standard error.
         source: what its file held when it was first read; by default it is read now.
 
     Raises:
@@ -153,10 +155,8 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     True
     """
     if isinstance(planner, str) and is_stack(planner):
-        from parcours_navigation.foreign.stack import StackPlanner
-
         write_place("its binding")
-        return _ready(planner, StackPlanner(planner))
+        return _ready(planner, importlib.import_module(STACKS).StackPlanner(planner))
     if isinstance(planner, str):
         where, attribute = _parts(planner)
         write_place("the import of its module")

@@ -1,0 +1,262 @@
+"""Navigation stacks of rclpy that know nothing of Parcours, driven in its worlds by their standard topics."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from parcours.errors import ParcoursError
+from parcours.run.hosts.ros2.transport import claim
+from parcours_navigation.foreign.stack import StackNodes, StackPlanner, read_stack, running
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
+from parcours_navigation.study.study import NavigationStudy
+from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.file import find_world
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "ros2_navigation"
+TASK = Task((3.0, 1.0), 0.2, 0.2, Limits(0.5, 1.5, 1.0, 2.0), 0.1, 4.0, 7)
+BAND = Path(sys.executable).parent
+
+
+@pytest.fixture(autouse=True)
+def surroundings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", f"{BAND}:{os.environ['PATH']}")
+    monkeypatch.setenv("ROS_DOMAIN_ID", "44")  # other tests leave their nodes on that of this run
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the examples whose nodes run in the network of the tests, to be changed."""
+    copy = tmp_path / "stacks"
+    shutil.copytree(EXAMPLES, copy)
+    for binding in copy.glob("*.yaml"):
+        if "\nstack:\n" in binding.read_text():
+            edit(binding, ("\nstack:\n", "\nstack:\n  network: shared\n"))
+    return copy
+
+
+@pytest.fixture(autouse=True)
+def ended() -> Iterator[None]:
+    """No test finds the nodes of another."""
+    yield
+    for path in list(STARTED):
+        running(path).close()
+        STARTED.remove(path)
+    running.cache_clear()
+
+
+STARTED: list[str] = []
+
+
+def planner(binding: Path) -> StackPlanner:
+    STARTED.append(str(binding.absolute()))
+    return StackPlanner(binding)
+
+
+def edit(file: Path, *changes: tuple[str, str]) -> None:
+    text = file.read_text()
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    file.write_text(text)
+
+
+def observation(time: float, path: bool = True) -> Observation:
+    cells = np.zeros((3, 4), np.uint8)
+    cells[1, 2], cells[2, 3] = 100, 255
+    way = np.array([[0.5, 1.0], [3.0, 1.0]]) if path else None
+    robot, others = np.array([1.0, 2.0, 0.5, 0.25, -0.5]), np.array([[2.0, 3.0, 0.0, 0.1, 0.0, 0.3]])
+    scan = Scan(np.array([1.0, np.inf, 2.0]), -0.5, 0.5, 4.0)
+    return Observation(time, robot, others, TASK, scan, Map(cells, 0.5, (-1.0, -2.0)), way)
+
+
+PROBE = """
+import json, sys
+import rclpy
+from geometry_msgs.msg import PoseArray, PoseStamped, Twist
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import LaserScan
+from visualization_msgs.msg import MarkerArray
+
+class Probe(Node):
+    def __init__(self):
+        super().__init__("probe")
+        self.heard, self.file = {}, open(sys.argv[1], "w")
+        for kind, topic in ((Odometry, "/odom"), (LaserScan, "/scan"), (OccupancyGrid, "/map"), (Path, "/plan"),
+                            (MarkerArray, "/markers"), (PoseArray, "/poses"), (PoseStamped, "/goal")):
+            self.create_subscription(kind, topic, lambda message, topic=topic: self.hear(topic, message), 1)
+        self.commands = self.create_publisher(Twist, "/cmd_vel", 1)
+        self.create_timer(0.1, self.speak)
+
+    def hear(self, topic, message):
+        stamp = getattr(message, "header", None) or message.markers[0].header
+        now = self.get_clock().now().nanoseconds
+        self.heard[topic] = {"late": now - stamp.stamp.sec * 10**9 - stamp.stamp.nanosec, "frame": stamp.frame_id}
+        told = self.heard[topic]
+        match topic:
+            case "/odom": told["x"], told["v"] = message.pose.pose.position.x, message.twist.twist.linear.x
+            case "/scan": told["ranges"] = [str(one) for one in message.ranges]; told["min"] = message.angle_min
+            case "/map": told["data"], told["x"] = list(message.data), message.info.origin.position.x
+            case "/plan": told["poses"] = [one.pose.position.x for one in message.poses]
+            case "/markers": told["wide"] = [one.scale.x for one in message.markers]
+            case "/poses": told["poses"] = [(one.position.x, one.position.y) for one in message.poses]
+            case "/goal": told["x"] = message.pose.position.x
+
+    def speak(self):
+        print(json.dumps([self.get_clock().now().nanoseconds, self.heard]), file=self.file, flush=True)
+        command = Twist()
+        command.linear.x, command.angular.z = 0.5, -0.25
+        self.commands.publish(command)
+
+rclpy.init()
+rclpy.spin(Probe())
+"""
+PROBED = """
+parcours: binding/1
+name: probe
+transport: ros2
+nodes: {probe: {command: [python3, probe.py, OUT], ros_node: /probe}}
+stack: {odometry: /odom, scan: /scan, map: /map, path: /plan, obstacles: /markers, obstacle_poses: /poses, goal: /goal,
+        command: /cmd_vel, network: shared}
+"""
+
+
+def test_nodes_are_told_of_their_world_by_standard_messages_before_their_timers_are_due(tmp_path: Path) -> None:
+    (tmp_path / "probe.py").write_text(PROBE)
+    (tmp_path / "probe.yaml").write_text(PROBED.replace("OUT", str(tmp_path / "heard")))
+    probed = planner(tmp_path / "probe.yaml")
+    assert probed.needs == ("scan", "map", "path")
+    probed.reset(TASK)
+    assert probed.observe(observation(0.0)) == Command(0.5, -0.25)
+    now, heard = [json.loads(line) for line in (tmp_path / "heard").read_text().splitlines()][-1]
+    assert now == 1_100_000_000
+    assert {told["late"] for told in heard.values()} == {0}
+    assert (heard["/odom"]["frame"], heard["/odom"]["x"], heard["/odom"]["v"]) == ("odom", 1.0, 0.25)
+    assert (heard["/scan"]["frame"], heard["/scan"]["ranges"], heard["/scan"]["min"]) == (
+        "base_link", ["1.0", "inf", "2.0"], -0.5)  # fmt: skip
+    assert heard["/map"]["data"] == [0, 0, 0, 0, 0, 0, 100, 0, 0, 0, 0, -1]
+    assert (heard["/map"]["frame"], heard["/map"]["x"]) == ("map", -1.0)
+    assert (heard["/plan"]["poses"], heard["/goal"]["x"]) == ([0.5, 3.0], 3.0)
+    assert (heard["/markers"]["wide"], heard["/poses"]["poses"]) == ([0.6], [[2.0, 3.0]])
+
+
+def study(binding: Path, time_limit: float = 1.0) -> NavigationStudy:
+    cases = WorldCases(1, find_world(str(EXAMPLES / "yard.yaml")))
+    return NavigationStudy(planner(binding), cases, Scenario(period=0.1, time_limit=time_limit))
+
+
+@pytest.mark.parametrize("name", ["dwa", "pure_pursuit"])
+def test_a_case_gives_the_same_track_whatever_was_before_it(folder: Path, name: str) -> None:
+    driven = study(folder / f"{name}.yaml")
+    first = {number: driven.track(number) for number in range(3)}
+    assert all(track["v"].max() > 0.1 for _, track, _ in first.values())
+    for number in (2, 0, 1, 1, 0, 2, 2, 1, 0):
+        again = driven.track(number)
+        assert all(one.tobytes() == other.tobytes() for one, other in zip(again, first[number], strict=True))
+
+
+def test_steps_of_the_binding_part_one_case_from_the_next(folder: Path) -> None:
+    edit(folder / "dwa.py", ("        self.points = np.zeros((0, 2))\n", "        self.points = np.zeros((0, 2))\n"
+         '        self.create_service(Empty, "/reset", self.on_reset)\n        self.n = 0\n'),
+         ("    def drive(self):", "    def on_reset(self, request, answer):\n        self.n = 0\n"
+          "        return answer\n\n    def drive(self):"),
+         ("        command = Twist()\n", "        command = Twist()\n        self.n += 1\n"
+          "        command.angular.z = float(self.n)\n        self.commands.publish(command)\n        return\n"),
+         ("import rclpy\n", "import rclpy\nfrom std_srvs.srv import Empty\n"))  # fmt: skip
+    binding = folder / "dwa.yaml"
+    binding.write_text(binding.read_text() + "before_case: [{call: /reset, type: std_srvs/Empty}]\n")
+    counted = planner(binding)
+    for _ in range(2):
+        counted.reset(TASK)
+        answers = [counted.observe(observation(0.1 * k)) for k in range(3)]
+        assert answers == [Command(0.0, 1.0), Command(0.0, 2.0), Command(0.0, 3.0)]
+
+
+def test_in_real_time_a_stack_is_asked_as_the_clock_of_the_machine_goes(folder: Path) -> None:
+    edit(folder / "dwa.yaml", ("network: shared\n", "network: shared\n  time: real\n"))
+    slow = planner(folder / "dwa.yaml")
+    slow.reset(TASK)
+    began = time.perf_counter()
+    answers = [slow.observe(observation(0.1 * k)) for k in range(8)]
+    assert time.perf_counter() - began >= 0.7
+    assert isinstance(answers[-1], Command)
+
+
+def complaint(binding: Path) -> ParcoursError:
+    with pytest.raises(ParcoursError) as caught:
+        nodes = StackNodes(read_stack(binding))
+        nodes.close()
+    return caught.value
+
+
+WRONG = {
+    "absent topic": ("dwa.yaml", ("scan: /scan", "scan: /sean"), "absent-topic",
+                     r"'scan' needs a node that subscribes to /sean, but none does; did you mean '/scan'\?"),
+    "absent command": ("dwa.yaml", ("command: /cmd_vel", "command: /cmd"), "absent-topic",
+                       "'command' needs a node that publishes /cmd, but none does"),
+    "other type": ("dwa.yaml", ("  command: /cmd_vel", "  command_stamped: /cmd_vel"), "topic-type",
+                   "bound as geometry_msgs/TwistStamped, but /dwa publishes /cmd_vel as geometry_msgs/Twist"),
+    "own clock": ("dwa.py", ("    rclpy.init()", "    rclpy.init(args=[])"), "ros2-sim-time",
+                  "not all nodes listen to /clock"),
+    "other name": ("dwa.yaml", ("ros_node: /dwa", "ros_node: /dva"), "ros2-sim-time",
+                   "/dva serve none"),
+    "dies at once": ("dwa.py", ("    rclpy.init()", "    raise SystemExit('no map')"), "foreign-start", "no map"),
+    "no such type": ("dwa.yaml", ("  goal:", "  tf: /tf\n  goal:"), "unknown-message-type", "tf2_msgs/TFMessage"),
+    "no command": ("dwa.yaml", ("  command: /cmd_vel\n", ""), "binding-stack", "names neither"),
+    "other transport": ("dwa.yaml", ("transport: ros2", "transport: ros1"), "binding-stack", "driven on ros2"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_wrong_is_said(folder: Path, wrong: str) -> None:
+    file, change, slug, said = WRONG[wrong]
+    edit(folder / file, change)
+    error = complaint(folder / "dwa.yaml")
+    assert re.search(said, str(error).replace("\n", " ")), error
+    assert slug in str(error)
+
+
+def test_another_tester_on_the_domain_is_named(folder: Path) -> None:
+    with claim(44, "parcours"):
+        assert complaint(folder / "dwa.yaml").slug == "ros2-occupied"
+
+
+def test_a_node_that_dies_costs_its_case_with_its_name(folder: Path) -> None:
+    mortal = planner(folder / "dwa.yaml")
+    mortal.reset(TASK)
+    mortal.observe(observation(0.0))
+    os.kill(running(str(folder / "dwa.yaml"))._session.host.running["dwa"][1].pid, signal.SIGKILL)
+    began = time.perf_counter()
+    with pytest.raises(ParcoursError, match="node dwa: must live, but killed by SIGKILL"):
+        for k in range(1, 9):
+            mortal.observe(observation(0.1 * k))
+    assert time.perf_counter() - began < 5.0
+
+
+def test_the_command_line_runs_reports_and_checks_a_stack(tmp_path: Path) -> None:
+    def parcours(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "parcours", *words]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+    checked = parcours("binding", "check", str(EXAMPLES / "dwa.yaml"), "--live")
+    assert (checked.returncode, "the running system has all that is bound" in checked.stdout) == (0, True), checked
+    out = str(tmp_path / "out")
+    ran = parcours("run", str(EXAMPLES / "study.yaml"), "--cases", "2", "--workers", "1", "--out", out, "--json")
+    assert ran.returncode in (0, 1), ran
+    told = parcours("report", out, "--json")
+    assert told.returncode in (0, 1), told
+    assert '"error"' not in told.stdout or "verdict error" not in told.stdout
