@@ -18,6 +18,7 @@ import pytest
 
 from parcours.errors import ParcoursError
 from parcours.run.hosts.ros2.transport import claim
+from parcours_navigation.foreign import stack
 from parcours_navigation.foreign.stack import StackNodes, StackPlanner, read_stack, running
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
@@ -51,18 +52,8 @@ def folder(tmp_path: Path) -> Path:
 def ended() -> Iterator[None]:
     """No test finds the nodes of another."""
     yield
-    for path in list(STARTED):
-        running(path).close()
-        STARTED.remove(path)
-    running.cache_clear()
-
-
-STARTED: list[str] = []
-
-
-def planner(binding: Path) -> StackPlanner:
-    STARTED.append(str(binding.absolute()))
-    return StackPlanner(binding)
+    for path in list(stack._RUNNING):
+        stack.end(path)
 
 
 def edit(file: Path, *changes: tuple[str, str]) -> None:
@@ -138,7 +129,7 @@ stack: {odometry: /odom, scan: /scan, map: /map, path: /plan, obstacles: /marker
 def test_nodes_are_told_of_their_world_by_standard_messages_before_their_timers_are_due(tmp_path: Path) -> None:
     (tmp_path / "probe.py").write_text(PROBE)
     (tmp_path / "probe.yaml").write_text(PROBED.replace("OUT", str(tmp_path / "heard")))
-    probed = planner(tmp_path / "probe.yaml")
+    probed = StackPlanner(tmp_path / "probe.yaml")
     assert probed.needs == ("scan", "map", "path")
     probed.reset(TASK)
     assert probed.observe(observation(0.0)) == Command(0.5, -0.25)
@@ -156,7 +147,7 @@ def test_nodes_are_told_of_their_world_by_standard_messages_before_their_timers_
 
 def study(binding: Path, time_limit: float = 1.0) -> NavigationStudy:
     cases = WorldCases(1, find_world(str(EXAMPLES / "yard.yaml")))
-    return NavigationStudy(planner(binding), cases, Scenario(period=0.1, time_limit=time_limit))
+    return NavigationStudy(StackPlanner(binding), cases, Scenario(period=0.1, time_limit=time_limit))
 
 
 @pytest.mark.parametrize("name", ["dwa", "pure_pursuit"])
@@ -179,7 +170,7 @@ def test_steps_of_the_binding_part_one_case_from_the_next(folder: Path) -> None:
          ("import rclpy\n", "import rclpy\nfrom std_srvs.srv import Empty\n"))  # fmt: skip
     binding = folder / "dwa.yaml"
     binding.write_text(binding.read_text() + "before_case: [{call: /reset, type: std_srvs/Empty}]\n")
-    counted = planner(binding)
+    counted = StackPlanner(binding)
     for _ in range(2):
         counted.reset(TASK)
         answers = [counted.observe(observation(0.1 * k)) for k in range(3)]
@@ -188,7 +179,7 @@ def test_steps_of_the_binding_part_one_case_from_the_next(folder: Path) -> None:
 
 def test_in_real_time_a_stack_is_asked_as_the_clock_of_the_machine_goes(folder: Path) -> None:
     edit(folder / "dwa.yaml", ("network: shared\n", "network: shared\n  time: real\n"))
-    slow = planner(folder / "dwa.yaml")
+    slow = StackPlanner(folder / "dwa.yaml")
     slow.reset(TASK)
     began = time.perf_counter()
     answers = [slow.observe(observation(0.1 * k)) for k in range(8)]
@@ -236,7 +227,7 @@ def test_another_tester_on_the_domain_is_named(folder: Path) -> None:
 
 
 def test_a_node_that_dies_costs_its_case_with_its_name(folder: Path) -> None:
-    mortal = planner(folder / "dwa.yaml")
+    mortal = StackPlanner(folder / "dwa.yaml")
     mortal.reset(TASK)
     mortal.observe(observation(0.0))
     os.kill(running(str(folder / "dwa.yaml"))._session.host.running["dwa"][1].pid, signal.SIGKILL)
@@ -245,6 +236,8 @@ def test_a_node_that_dies_costs_its_case_with_its_name(folder: Path) -> None:
         for k in range(1, 9):
             mortal.observe(observation(0.1 * k))
     assert time.perf_counter() - began < 5.0
+    mortal.reset(TASK)
+    assert mortal.observe(observation(0.0)) is not None
 
 
 def test_the_command_line_runs_reports_and_checks_a_stack(tmp_path: Path) -> None:

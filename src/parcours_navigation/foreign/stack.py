@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import functools
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from parcours.errors import BadRequest, HostFailure
+from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.binding import Compiled, read_binding
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.slots import whole
@@ -67,26 +66,46 @@ def source_of_stack(path: Path | str) -> Source:
     return Source(files[0], b"\0".join(file.read_bytes() for file in files))
 
 
-@functools.cache
+_RUNNING: dict[str, StackNodes | ParcoursError] = {}
+"""The nodes of this process by the file of their binding, or why they cannot be had."""
+
+
 def running(path: str) -> StackNodes:
     """Return the nodes of a stack in this process, started once: they serve all its planners, one case after the other.
 
     Raises as `StackNodes`, the same each time.
     """
-    binding = read_stack(path)
-    nodes = StackNodes(binding)
-    atexit.register(nodes.close)
-    return nodes
+    if path not in _RUNNING:
+        try:
+            _RUNNING[path] = StackNodes(read_stack(path))
+            atexit.register(end, path)
+        except ParcoursError as error:
+            _RUNNING[path] = error
+    found = _RUNNING[path]
+    if isinstance(found, ParcoursError):
+        raise found
+    return found
+
+
+def end(path: str) -> None:
+    """End the nodes of a stack, if they run: they are started again when they are needed."""
+    found = _RUNNING.pop(path, None)
+    if isinstance(found, StackNodes):
+        found.close()
 
 
 class StackPlanner:
-    """The nodes of a binding as a planner; they are started when the first case begins.
+    """The nodes of a binding as a planner; they are started with the first one, and again when one has died.
 
     Args:
         path: of a binding with a section `stack`.
 
     Attributes:
         needs: what its binding tells it of.
+
+    Raises:
+        BadRequest: the binding is wrong, or does not fit the nodes.
+        HostFailure: the nodes cannot be had here.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -95,6 +114,7 @@ class StackPlanner:
         self.needs = senses_of(self._binding)
         self._told: tuple[float, ...] = ()
         self._start: dict[str, float] = {}
+        running(self._path)
 
     def reset(self, task: Task) -> None:
         """Begin a case: nothing of the last one is left but what the nodes remember of their own.
@@ -104,33 +124,41 @@ class StackPlanner:
             BadRequest: the binding does not fit them.
         """
         self._told = ()
-        self._nodes.begin()
+        with self._ended_if_lost():
+            running(self._path).begin()
 
-    @property
-    def _nodes(self) -> StackNodes:
-        return running(self._path)
+    @contextlib.contextmanager
+    def _ended_if_lost(self) -> Iterator[None]:
+        try:
+            yield
+        except HostFailure:
+            end(self._path)
+            raise
 
     def observe(self, observation: Observation) -> Answer:
         """Return the last command of the nodes, once they have seen what is to be seen.
 
         Raises HostFailure if a node has died, or does not come to rest.
         """
-        nodes, task = self._nodes, observation.task
-        now = round(observation.time * 1e9)
-        due = now + round(task.period * 1e9)
-        goal = (*task.goal, task.goal_heading or 0.0)
-        nodes.await_time(now, due)
-        values = self._values(observation, nodes.stamp())
-        every = nodes.channels if goal != self._told else nodes.continual
-        self._told = goal
-        for channel in sorted(every, key=lambda one: one.latch):  # where it is, then where to go
-            nodes.tell(channel.name, values, _items(channel, observation))
-        nodes.pass_on(due)
-        command = nodes.command()
+        with self._ended_if_lost():
+            command = self._driven(running(self._path), observation)
         if command is None:
             return None
         ahead, aside, turn = command
-        return Velocity(ahead, aside, turn) if task.robot.kind == "holonomic" else Command(ahead, turn)
+        return Velocity(ahead, aside, turn) if observation.task.robot.kind == "holonomic" else Command(ahead, turn)
+
+    def _driven(self, nodes: StackNodes, observation: Observation) -> tuple[float, float, float] | None:
+        task, now = observation.task, round(observation.time * 1e9)
+        due = now + round(task.period * 1e9)
+        nodes.await_time(now, due)
+        goal = (*task.goal, task.goal_heading or 0.0)
+        every = nodes.channels if goal != self._told else nodes.continual
+        self._told = goal
+        values = self._values(observation, nodes.stamp())
+        for channel in sorted(every, key=lambda one: one.latch):  # where it is, then where to go
+            nodes.tell(channel.name, values, _items(channel, observation))
+        nodes.pass_on(due)
+        return nodes.command()
 
     def _values(self, observation: Observation, stamp: float) -> Values:
         task = observation.task
