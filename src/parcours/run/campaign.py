@@ -18,9 +18,10 @@ from typing import Protocol, runtime_checkable
 from parcours.errors import BadRequest, ParcoursError
 from parcours.run.atomic import sweep
 from parcours.run.heartbeat import RunsStrangers
+from parcours.run.raised import described
 from parcours.run.store import Campaign, Keeping, Store, create
 from parcours.run.strangers import Simulate, computed, lost_before, resolve
-from parcours.run.workers import Crew, Done, Lost, described, failure_of
+from parcours.run.workers import Crew, Done, Lost, failure_of
 
 Task = Callable[[int], None]
 """Does what has a number."""

@@ -231,10 +231,10 @@ def accept() -> None:
         _end_if(_placed.accept())
 
 
-def after_case(*, failed: bool = False) -> None:
-    """Put back what a case has changed; end this process if that cannot be."""
-    if _placed is not None:
-        _end_if(_placed.after_case(failed=failed))
+def after_case(*, failed: bool = False, by: str = "") -> None:
+    """Put back what a case has changed, or what was done in it `by` someone; end this process if that cannot be."""
+    if _placed is not None and (cause := _placed.after_case(failed=failed)):
+        _end_if(f"{by}: {cause}" if by else cause)
 
 
 def require_unchanged() -> None:

@@ -51,12 +51,14 @@ class LostCase:
         time: how far it had come [ns].
         how: which of them.
         detail: in words, for its facts.
+        place: where the process said that it was, in its words; "" if it said nothing.
     """
 
     number: int
     time: int
     how: Literal["hung", "died", "tampered"]
     detail: str
+    place: str = ""
 
 
 @runtime_checkable
@@ -211,4 +213,4 @@ class Watch:
         if not 0.0 <= self._case < 2.0**53:
             return None
         time = float(self._words[TIME])
-        return LostCase(int(self._case), int(time) if 0.0 <= time < _FARTHEST else 0, how, detail)
+        return LostCase(int(self._case), int(time) if 0.0 <= time < _FARTHEST else 0, how, detail, self.place)

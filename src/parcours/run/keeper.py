@@ -4,7 +4,7 @@ parent ── keeper ── worker ── helpers that the code has started
              │         leads a session of its own; is killed when its keeper ends
              │ adopts the helpers that are orphaned; when the worker has ended, or the parent has, ends them all,
              │ and then ends as the worker did
-             └ passes on what they print, up to a limit
+             └ passes on what they print, up to a limit; nothing else that the parent has open reaches the worker
 
 So the parent sees how the worker ended whatever its helpers hold open, and what the code does to its parent process it
 does to the keeper. On Linux only.
@@ -80,6 +80,7 @@ def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[],
                 os.close(lifeline)
                 os.close(printed)
                 _replace_streams(theirs)
+                _take_away(others)
                 work()
                 status = 0
         finally:
@@ -104,6 +105,21 @@ def _replace_streams(printed: int) -> None:
         os.dup2(old, new)
     os.close(nothing)
     os.close(printed)
+
+
+def _take_away(needed: tuple[int, ...]) -> None:
+    """Put /dev/null in the place of what was open in the process that forked this one, but for what is needed.
+
+    A socket or pipe of the user's program, or of whatever runs it, is nothing that strangers' code should write to.
+    Their numbers stay taken, since objects that were copied with the process close them some day.
+    """
+    inherited = [int(number) for number in os.listdir("/proc/self/fd")]  # noqa: PTH208 -- a list at once
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for number in inherited:
+        with contextlib.suppress(OSError):
+            if number > 2 and number not in (*needed, nothing) and os.fstat(number):
+                os.dup2(nothing, number)
+    os.close(nothing)
 
 
 def _wait(child: int, lifeline: int, printed: int) -> int:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import signal
 import traceback
 from types import CodeType
+
+from parcours.errors import ParcoursError
 
 _TRACEBACK = BaseException.__dict__["__traceback__"]  # a class may have a property of that name
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
@@ -12,6 +15,11 @@ _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
 class Overdue(BaseException):
     """Raised in a guest that takes too long; not an Exception, so that it is not caught by mistake."""
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether it means that the user wants to stop: not where Ctrl-C is ignored, as it is in workers."""
+    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
 
 
 def without_addresses(text: str) -> str:
@@ -56,3 +64,11 @@ def place(error: BaseException, file: str = "") -> tuple[str, str]:
         return "", ""
     code, line = own[-1]
     return code.co_name, f"{code.co_filename.rpartition('/')[2]}:{line}"
+
+
+def described(error: BaseException) -> Exception:
+    """Return an error of ours as it is, and of any other its type, its text and the place that raised it."""
+    if isinstance(error, ParcoursError) and type(error).__module__.partition(".")[0].startswith("parcours"):
+        return error
+    function, line = place(error)
+    return Exception(f"{said(error)} (in {function}, {line})")

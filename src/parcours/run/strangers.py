@@ -113,7 +113,8 @@ class _Work:
         numbers = self._numbers(piece)
         case = answer.case if answer.case is not None and answer.case.number in numbers else None
         if case is None and answer.entered and piece.count == 1:
-            case = LostCase(numbers[0], 0, answer.how, answer.place if answer.how == "tampered" else answer.ending)
+            case = LostCase(numbers[0], 0, answer.how, answer.place if answer.how == "tampered" else answer.ending,
+                            answer.place)  # fmt: skip
         if case is not None:
             at = piece.first + numbers.index(case.number)
             alone = answer.fresh and at == piece.first

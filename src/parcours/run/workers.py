@@ -22,7 +22,6 @@ import pickle
 import signal
 import sys
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
@@ -34,6 +33,7 @@ from parcours.run import canaries as canaries
 from parcours.run.heartbeat import POLL, LostCase, Watch, new_block, share, write_place
 from parcours.run.keeper import can_keep, keep, memory_for_each
 from parcours.run.messages import Messages, packed
+from parcours.run.raised import described
 
 R = TypeVar("R")
 _GRACE = 3.0
@@ -393,16 +393,3 @@ def _tried(task: Callable[..., object], item: tuple[Any, ...], strangers: bool) 
         if not strangers and not isinstance(error, Exception):
             raise
         return "raised", described(error)
-
-
-def described(error: BaseException) -> Exception:
-    """Return an error of ours as it is, and of any other its type, its text and the place that raised it."""
-    if isinstance(error, ParcoursError) and type(error).__module__.partition(".")[0].startswith("parcours"):
-        return error
-    frames = [(frame.f_code, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    code, line = frames[-1]
-    try:
-        said = f"{type(error).__name__}: {error}"
-    except BaseException:
-        said = type(error).__name__
-    return Exception(f"{said} (in {code.co_name}, {code.co_filename.rpartition('/')[2]}:{line})")

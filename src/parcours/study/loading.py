@@ -9,14 +9,15 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import ModuleType
+from typing import Any
 
 from parcours.errors import BadRequest, one_of
-from parcours.run.raised import frames_of, said
+from parcours.run.raised import frames_of, is_ctrl_c, said
 
 _OURS = re.compile("^<frozen|/parcours/")  # files that nobody looks into for the place of an error
 Lack = tuple[str, str, str]  # what source lacks: slug, rule, remedy
@@ -99,8 +100,11 @@ class _FromText(SourceFileLoader):
         super().__init__(name, str(source.path))
         self._text = source.text
 
-    def get_code(self, fullname: str) -> CodeType:
-        return compile(self._text, self.path, "exec", dont_inherit=True)
+    def get_data(self, path: str) -> bytes:
+        return self._text
+
+    def path_stats(self, path: str) -> Mapping[str, Any]:
+        raise OSError("no byte code is looked for")
 
 
 def read_source(target: str, path: Path) -> Source:
@@ -160,9 +164,9 @@ def _guarded(target: str, act) -> ModuleType:  # type: ignore[no-untyped-def]
     try:
         module: ModuleType = act()
         return module
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         rule = f"loading it must not raise, but raised {said(error)}{_place(error)}"
         raise BadRequest(target, rule, "run it alone to see where", slug="target-raised") from error
 

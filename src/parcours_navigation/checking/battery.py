@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
 from parcours.run import canaries as canaries
+from parcours.run.raised import is_ctrl_c
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours_navigation.checking import conduct, form, geometry, memory
 from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning
@@ -105,12 +106,13 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Remark]:
             findings.extend(check(subject))
     except OutOfPatience:
         remedy = "make decisions faster, or look for an endless loop"
-        findings.append(warning("unfinished", f"given up after {patience:g} s", remedy))
+        level = error if check in GATES.values() else warning  # each check that follows would wait as long
+        findings.append(level("unfinished", f"given up after {patience:g} s", remedy))
     except BadAnswer as wrong:
         findings.append(form.malformed(wrong, "while it drove"))
-    except KeyboardInterrupt:
-        raise
     except BaseException as raised:  # also SystemExit
+        if is_ctrl_c(raised):
+            raise
         findings.append(error("planner-raises", form.where_raised(raised), "make it answer, whatever it sees"))
     return findings
 

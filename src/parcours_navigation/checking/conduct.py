@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from parcours.run.raised import is_ctrl_c
 from parcours_navigation.checking.form import malformed, where_raised
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task
@@ -56,9 +57,11 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Remark]:
                 slot.speeds(seen)
         except BadAnswer as wrong:
             ill.setdefault(wrong.finite, (wrong, []))[1].append(name)
-        except (KeyboardInterrupt, OutOfPatience):
+        except OutOfPatience:
             raise
         except BaseException as problem:  # also SystemExit
+            if is_ctrl_c(problem):
+                raise
             raised.setdefault(where_raised(problem), []).append(name)
     for what, names in raised.items():
         yield error(

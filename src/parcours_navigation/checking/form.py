@@ -8,7 +8,7 @@ import io
 from collections.abc import Iterator
 
 from parcours.errors import BadRequest
-from parcours.run.raised import place, said
+from parcours.run.raised import is_ctrl_c, place, said
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import copied, script, standard_task
@@ -27,9 +27,11 @@ def is_a_planner(subject: Subject) -> Iterator[Remark]:
     except BadRequest as refused:
         yield error("planner-shape" if refused.slug == "planner-form" else "planner-raises", refused.rule, remedy)
         return
-    except (KeyboardInterrupt, OutOfPatience):
+    except OutOfPatience:
         raise
     except BaseException as raised:  # also SystemExit
+        if is_ctrl_c(raised):
+            raise
         yield error("planner-raises", f"making it raised {where_raised(raised)}", remedy)
         return
     observe, reset = getattr(planner, "observe", None), getattr(planner, "reset", None)

@@ -19,18 +19,19 @@ from numpy.typing import NDArray
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue, place, said
+from parcours.run.raised import Overdue, is_ctrl_c, place, said
 from parcours.streams import start
 from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
+from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
-from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
+from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
-from parcours_navigation.requirements.own import BadMeasure, CaseRun
+from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.sensing.detecting import MOST_FALSE
 from parcours_navigation.stage import moving
@@ -120,6 +121,7 @@ class Host:
         self._laid: Scene | None = None
         self._head = np.zeros(0)
         self._compiled: set[bool] = set()
+        self._to_measure: CaseRun | None = None
         self.monitor: Monitor | None = None  # judges requirements over the cases that are run, if there are any
 
     @property
@@ -208,6 +210,8 @@ class Host:
         if deadline.rang:
             facts[:] = hung(staged.number, int(self._clock[heartbeat.TIME]), self._setting.call_timeout)
         canaries.after_case(failed=bool(facts["error"][0]))
+        if self.monitor is not None and self._to_measure is not None and not facts["error"][0]:
+            take_own(self.monitor, self._to_measure, deadline, self._allowed)
         return facts.tobytes()
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
@@ -234,7 +238,7 @@ class Host:
         )  # fmt: skip
 
     def _judge(self, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> None:
-        """Judge requirements over the way up to now, and take the user's own measures, at the end of a case."""
+        """Judge requirements over the way up to now, and keep what the user's own measures read, at a case's end."""
         rows = recorded(self._memory)[0]
         moving.present(self._memory, last := np.zeros(rows.shape[1]))
         if not staged.scene.plain:
@@ -245,11 +249,7 @@ class Host:
             monitor.judge(staged.number, rows, last, radii, size, goals[-1])
         if monitor.measures:
             case = staged.number, *self.track(), radii, self.ground_gaps(), size, goals, facts[0].copy()
-            try:
-                monitor.measure(CaseRun(*case))
-            except Overdue:
-                rule = "they must return within the call timeout, but one did not"
-                raise BadMeasure("measures", rule, "correct it", slug="measure-raised") from None
+            self._to_measure = CaseRun(*case)
 
     def _run_case(self, staged: Staged, seed: int, facts: NDArray[np.void]) -> None:
         """Run the case that was begun, and fill its facts, shape (1,)."""
@@ -263,6 +263,7 @@ class Host:
         drive = self._drive if is_quick else self._drive_any
         facts["number"], facts["t_goal_after"] = number, NEVER
         fault, reason, frozen, was_reset = PlannerFault.NONE, "", False, False
+        self._to_measure = None
         try:
             if plugin.reset is not None:
                 plugin.reset(task)
@@ -281,7 +282,7 @@ class Host:
                 moving.touched_later(self._memory, facts[0])
                 soon = int(facts["t_end"][0]) + 1_000_000_000
                 facts["moved_after"] = facts["t_goal_after"] != NEVER or moving.moved_since(self._memory, soon)
-        except (Overdue, BadMeasure):
+        except Overdue:
             raise
         except BadAnswer as error:
             end_if_forked(self._pid)

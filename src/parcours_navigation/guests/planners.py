@@ -8,7 +8,6 @@ import importlib
 import importlib.util
 import inspect
 import os
-import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.heartbeat import write_place
-from parcours.run.raised import said
+from parcours.run.raised import is_ctrl_c, said
 from parcours.study.loading import Source, read_source
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
@@ -294,11 +293,6 @@ def _require_one_argument(name: str, found: object, method: object, what: str) -
         except TypeError as error:
             rule = f"{what} must take exactly one argument, but: {error}"
     raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
-
-
-def is_ctrl_c(error: BaseException) -> bool:
-    """Return whether it means that the user wants to stop: not where Ctrl-C is ignored, as it is in workers."""
-    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
 
 
 def end_if_forked(pid: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, ParcoursError
+from parcours.run.raised import Overdue, place, said
 from parcours.study.loading import load
 
 Floats = NDArray[np.float64]
+
+_NUMBERS = (bool, np.bool_, int, float, np.integer, np.floating)
 
 
 class BadMeasure(ParcoursError):
@@ -70,21 +72,22 @@ def _loaded(name: str, text: str) -> Callable[[CaseRun], object]:
 def own_value(name: str, text: str, run: CaseRun) -> float:
     """Return what a measure in Python says of a case; NaN where it has none. It is loaded in this process.
 
-    Raises BadMeasure if it raises, or returns what is no number.
+    Raises:
+        BadMeasure: it raised, or returned what is no number.
+        Overdue: it takes too long.
     """
     where = f"measure {name!r} of case {run.number}"
     try:
         found = _loaded(name, text)(run)
-    except ParcoursError:
+        value = math.nan if found is None else float(found) if isinstance(found, _NUMBERS) else None
+        rule = "" if value is not None else f"returned {found!r:.100}"
+    except Overdue:
         raise
-    except Exception as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        rule = f"it must return a number, but raised {type(error).__name__}: {error!s:.200}"
-        at = f"{Path(place.filename).name}:{place.lineno}"
-        raise BadMeasure(where, f"{rule} ({at})", "correct it", slug="measure-raised") from None
-    if isinstance(found, bool | np.bool_ | int | float | np.integer | np.floating):
-        return float(found)
-    if found is None:
-        return math.nan
-    rule = f"it must return a number, or None where a case has none, but returned {found!r:.100}"
-    raise BadMeasure(where, rule, "return a float", slug="measure-raised")
+    except ParcoursError as error:  # of its file
+        raise BadMeasure(f"measure {name!r}", f"{error.where}: {error.rule}", error.remedy, slug=error.slug) from None
+    except BaseException as error:  # SystemExit, too
+        value, rule = None, f"raised {said(error):.200} ({place(error)[1]})"
+    if value is None:
+        raise BadMeasure(where, f"it must return a number, or None where a case has none, but {rule}",
+                         "return a float", slug="measure-raised")  # fmt: skip
+    return value

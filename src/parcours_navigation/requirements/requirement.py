@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours_navigation.requirements.kernel import evaluate, judge
-from parcours_navigation.requirements.own import CaseRun, digest_of, file_of_measure, own_value
+from parcours_navigation.requirements.own import digest_of, file_of_measure
 from parcours_navigation.requirements.parsing import Parsed, parse, parse_number
 from parcours_navigation.requirements.programs import Program, compile_formulas
 from parcours_navigation.requirements.syntax import Formula, Number, replaced, signals
@@ -238,10 +238,6 @@ class Monitor:
         if n:
             self.judge(0, np.zeros((1, 7)), np.zeros(7), np.zeros(0), 0.0, (0.0, 0.0))  # compiled before a clock runs
         self.results.clear()
-
-    def measure(self, run: CaseRun) -> None:
-        """Take the measures in Python of a case. Raises BadMeasure."""
-        self.own[run.number] = tuple(own_value(one.name, one.text, run) for one in self.measures)
 
     def judge(
         self, number: int, entries: Floats, last: Floats, radii: Floats, robot_radius: float,

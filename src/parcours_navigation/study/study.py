@@ -30,6 +30,7 @@ from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.apart import LOADING, Introduction, done_apart, introduce
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.host import Host, Setting, hung
+from parcours_navigation.guests.measuring import require_innocent
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost
 from parcours_navigation.guests.planners import SHIPPED, PlannerLike, load_planner, own_loop
 from parcours_navigation.guests.scenario import Scenario
@@ -237,6 +238,7 @@ class NavigationStudy:
         return staged(self.cases, self.scenario, numbers)
 
     def _lost_facts(self, case: LostCase) -> NDArray[np.void]:
+        require_innocent(case)
         if case.how == "hung":
             return hung(case.number, case.time, self.scenario.call_timeout)
         if case.how == "tampered":

@@ -20,6 +20,7 @@ from parcours.model.documents import Node, Scalar, Sequence
 from parcours.model.expression import evaluate, parse_expression
 from parcours.model.finding import advice
 from parcours.model.nodes import NodeReader, brief, shown
+from parcours_navigation.worlds.units import fault_of, unit_of
 
 UNITS = {"s": 1.0, "s2": 1.0, "pi": 3.141592653589793}
 """Names that every number may use, so that `1.3 m/s`, `90 deg/s` and `1 m/s2` can be written."""
@@ -44,10 +45,12 @@ class Builder(NodeReader):
 
     Args:
         values: what the names in numbers stand for, beside UNITS.
+        units: in which they are.
     """
 
-    def __init__(self, origin: str, values: Mapping[str, float]) -> None:
+    def __init__(self, origin: str, values: Mapping[str, float], units: Mapping[str, str] | None = None) -> None:
         super().__init__(origin)
+        self.units = units or {}
         self.values = {**UNITS, **values}
 
     def add(self, node: Node | None, slug: str, rule: str, remedy: str = "") -> None:
@@ -73,8 +76,8 @@ class Builder(NodeReader):
             return self._one_plain(node, what)
         return self.made(hint, node, what)
 
-    def quantity(self, node: Node, what: str, *, whole: bool = False) -> float | int:
-        """Return what an expression comes to, in SI units."""
+    def quantity(self, node: Node, what: str, *, whole: bool = False, holder: str = "") -> float | int:
+        """Return what an expression comes to, in SI units; `holder` is the kind of what has it."""
         if not isinstance(node, Scalar):
             self.add(node, "kind", f"{what} must be a number, but is {shown(node)}")
             return 0
@@ -82,7 +85,8 @@ class Builder(NodeReader):
         if text in ("inf", ".inf") and not whole:
             return float("inf")
         try:
-            found = evaluate(parse_expression(text, what), self.values, what)
+            number = parse_expression(text, what)
+            found = evaluate(number, self.values, what)
         except ParcoursError as error:
             known = [name for name in self.values if name not in UNITS]
             remedy = error.remedy or (one_of(text, known) if known else "numbers may name inputs under `data`")
@@ -94,25 +98,28 @@ class Builder(NodeReader):
         if not math.isfinite(found):
             self.add(node, "number", f"{what}: a finite number must stand here, but {brief(text)} is {found:g}")
             return 0
+        if fault := fault_of(number, unit_of(what, holder), self.units):
+            self.add(node, "world-unit", f"{what}: {fault}: {brief(text)}", "give it in that unit, or without one")
         if whole and found != round(found):
             self.add(node, "number", f"{what}: a whole number must stand here, but {brief(text)} is {found:g}")
         return round(found) if whole else float(found)
 
-    def plain(self, node: Node, what: str) -> Any:
+    def plain(self, node: Node, what: str, holder: str = "") -> Any:
         """Return a tree as plain data: mappings, lists, numbers where a scalar is an expression, truth, else texts."""
         if isinstance(node, MappingNode):
+            kinds = [value.text for key, value in node.items if key.text == "motion" and isinstance(value, Scalar)]
             return {
                 key.text: value.text
                 if key.text in _TEXTS and isinstance(value, Scalar)
-                else self.plain(value, f"{what}, {key.text}")
+                else self.plain(value, f"{what}, {key.text}", *kinds)
                 for key, value in node.items
             }
         if isinstance(node, Sequence):
-            return [self.plain(item, what) for item in node.items]
+            return [self.plain(item, what, holder) for item in node.items]
         text = node.text.strip()
         if not node.plain or (text.replace("-", "").replace("_", "").isalpha() and text not in self.values):
             return {"true": True, "false": False, "inf": float("inf")}.get(text, text) if node.plain else node.text
-        return self.quantity(node, what)
+        return self.quantity(node, what, holder=holder)
 
     def _one_plain(self, node: Node, what: str) -> dict[str, Any]:
         if isinstance(node, MappingNode):
@@ -175,7 +182,8 @@ class Builder(NodeReader):
             if isinstance(node, Sequence):
                 self.add(node, "value", f"{what} must have {len(arguments)} items, but has {len(items)}")
             return ()
-        return tuple(self.build(hint, item, what) for hint, item in zip(arguments, items, strict=True))
+        pairs = enumerate(zip(arguments, items, strict=True))
+        return tuple(self.build(hint, item, f"{what}[{k}]") for k, (hint, item) in pairs)
 
 
 @functools.cache

@@ -24,6 +24,7 @@ from parcours_navigation.ground.outlines import BadGround
 from parcours_navigation.ground.pictures import MOST_BYTES, read_bytes
 from parcours_navigation.worlds.building import UNITS, Builder
 from parcours_navigation.worlds.plan import Plan
+from parcours_navigation.worlds.units import is_scaled
 
 FORMAT = "world/1"
 """The value of the key `parcours` in a file of this format."""
@@ -92,7 +93,8 @@ class World:
 
     def _build(self, values: tuple[float, ...]) -> Plan:
         names = self.inputs.names if self.inputs is not None else ()
-        builder = Builder(self.origin, dict(zip(names, values, strict=True)))
+        units = {one.name: one.unit for one in self.inputs.domains} if self.inputs is not None else {}
+        builder = Builder(self.origin, dict(zip(names, values, strict=True)), units)
         parts = tuple((key, node) for key, node in self.root.items if key.text in _PARTS)
         plan: Plan | None = builder.made(Plan, MappingNode(parts, self.root.line), "the world")
         if builder.findings or plan is None:
@@ -179,6 +181,10 @@ def _inputs(node: Node, name: str, origin: str) -> InputModel:
         if one in UNITS:
             raise BadWorld(f"{origin}:{line}", f"an input may not be called {one!r}, which numbers use as a unit",
                            "rename it", slug="duplicate-name")  # fmt: skip
+    for domain in inputs.domains:
+        if is_scaled(domain.unit):
+            rule = f"an input must be in an SI unit, but {domain.name!r} is in {domain.unit}"
+            raise BadWorld(f"{origin}:{line}", rule, "give its blocks in m, s, rad or m/s", slug="world-unit")
     return inputs
 
 

@@ -6,6 +6,7 @@ import math
 import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,6 +66,16 @@ def test_an_endless_loop_is_given_up_and_not_waited_for() -> None:
     assert time.monotonic() - begun < 30.0
 
 
+def test_a_planner_that_never_answers_fails_at_the_first_check_that_waits_for_it() -> None:
+    def hangs(observation: Observation) -> object:
+        while True:
+            pass
+
+    report = run_battery(Subject("", lambda: hangs), patience=0.2)
+    assert not report.passed and report.made[-1] == "answers_in_form"
+    assert "reaches_a_free_goal" in report.left
+
+
 def test_what_a_planner_raises_is_placed_in_its_source() -> None:
     class Raises(Sound):
         def observe(self, observation: Observation) -> object:  # type: ignore[override]
@@ -83,6 +94,13 @@ def test_a_planner_that_exits_is_told_and_does_not_end_the_battery(check: str) -
 
     (finding,) = run_battery(Subject("", Exits), [check]).findings
     assert finding.level is Level.ERROR and "SystemExit: 0" in finding.seen
+
+
+def test_a_planner_that_raises_what_ctrl_c_raises_is_told_so_too(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text("def mine(observation):\n    raise KeyboardInterrupt\n")
+    (finding,) = check_apart(f"{path}:mine", ["answers_in_form"]).findings
+    assert finding.level is Level.ERROR and "KeyboardInterrupt (in mine, mine.py:2)" in finding.seen
 
 
 def test_patience_ends_in_the_middle_of_odd_scenes_too() -> None:

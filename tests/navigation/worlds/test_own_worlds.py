@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,23 @@ def test_a_measure_that_raises_stops_the_run_and_is_not_the_planners_failure(tmp
     study = NavigationStudy("stand-still", _cases(tmp_path, ROOM + TASK), Scenario(time_limit=60.0), requirements=asked)
     with pytest.raises(BadMeasure, match=r"measure 'bad' of case 0: .*ZeroDivisionError.*mine.py:2"):
         study(0, 1)
+
+
+@pytest.mark.parametrize(
+    "deed, how",
+    [
+        ("import os; os._exit(0)", "its process ended with exit code 0"),
+        ("raise SystemExit(0)", "raised SystemExit: 0"),
+        ("import itertools; sum(itertools.repeat(0))", "did not come to an end"),
+        ("import numpy; numpy.hypot = None", "changed its process: numpy.hypot was replaced"),
+    ],
+)
+def test_what_a_measure_does_to_its_process_is_not_the_planners_failure(deed: str, how: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(f"def bad(run):\n    {deed}\n")
+    asked = read_requirements("", "", f"bad: {tmp_path}/mine.py:bad")
+    cases, quick = _cases(tmp_path, ROOM + TASK), Scenario(time_limit=1.0, call_timeout=0.1)
+    with pytest.raises(BadMeasure, match=f"^measure 'bad' of case 0: .*{re.escape(how)}"):
+        NavigationStudy("stand-still", cases, quick, requirements=asked)(0, 1)
 
 
 def test_the_battery_gives_a_planner_what_it_needs() -> None:

@@ -209,7 +209,7 @@ class _Parser:
             return Literal(self._unquoted(token))
         if token.kind in ("int", "real"):
             self.position += 1
-            return Literal(self._in_unit(self._number(token)))
+            return self._in_unit(self._number(token))
         if token.kind == "name" and token.text in ("true", "false"):
             self.position += 1
             return Literal(token.text == "true")
@@ -303,14 +303,14 @@ class _Parser:
         tokens.append(_Token("end", "", len(self.text)))
         return tokens
 
-    def _in_unit(self, number: int | float) -> int | float:
+    def _in_unit(self, number: int | float) -> Literal:
         if self.token.kind != "name" or self.token.text in _WORDS:
-            return number
+            return Literal(number)
         unit = self.token.text
         if unit not in UNITS:
             self.fail("an operator or a unit", one_of(unit, list(UNITS)), slug="unknown-unit")
         self.position += 1
-        return number * UNITS[unit]
+        return Literal(number * UNITS[unit], unit)
 
     def _number(self, token: _Token) -> int | float:
         # Digits are counted first: converting a very long one costs quadratic time.

@@ -39,6 +39,8 @@ class Literal(_Node):
     """
 
     value: bool | int | float | str
+    unit: str = ""
+    """In which a number was written; the value is in SI units."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Literal):

@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import inspect
 import os
-import signal
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue
+from parcours.run.raised import Overdue, is_ctrl_c
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
     HUNG,
@@ -146,10 +145,8 @@ class Simulation:
             except Faulty as error:
                 return None, error.fault, str(error)
             except BaseException as error:
-                is_heard = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
-                if (isinstance(error, KeyboardInterrupt) and is_heard) or isinstance(
-                    caller, ProgramCaller
-                ):  # a program that cannot be started costs all cases
+                # A program that cannot be started costs all cases.
+                if is_ctrl_c(error) or isinstance(caller, ProgramCaller):
                     raise
                 return None, Fault.RAISED, f"raised: {words_of(error, caller.file)}"
             finally:

@@ -163,6 +163,17 @@ def ended_as(due: str, row: np.void, tame: np.void) -> bool:
     return due == ANY or (row["error"] != PlannerFault.NONE and re.search(due, reason) is not None)
 
 
+def test_nothing_that_is_open_here_can_be_written_to(tmp_path: Path) -> None:
+    ours, theirs = os.pipe()
+    deed = "import os\nfor n in range(3, 200):\n    try: os.write(n, b'forged')\n    except OSError: pass"
+    try:
+        campaign(planner(tmp_path, [deed]), tmp_path)
+    finally:
+        os.close(theirs)
+    with os.fdopen(ours, "rb") as pipe:
+        assert pipe.read() == b""
+
+
 @pytest.mark.parametrize("deed", CONSTRUCTORS)
 def test_a_hostile_import_or_constructor_is_refused_with_its_cause(
     deed: str, tmp_path: Path, tame: np.ndarray, monkeypatch: pytest.MonkeyPatch
