@@ -281,7 +281,7 @@ class StackNodes:
         nodes = [slot.ros_node for slot in self._session.slot_plan.slots]
         self._clock = SteppedClock(
             graph.participant, nodes, step=round(self._stack.step * 1e9), hops=self._stack.hops,
-            discovery=_PATIENCE, look=self._look,
+            quiet=round(self._stack.quiet * 1e9), discovery=_PATIENCE, look=self._look,
         )  # fmt: skip
 
     def _hear(self, event: TraceEvent) -> None:

@@ -259,7 +259,7 @@ class PartReader(QuantityReader):
         table: Table = {
             **dict.fromkeys(known, (self.address, "")), "time": (self.choice("simulated", "real"), "simulated"),
             "step": (self.duration, 0.05), "hops": (lambda node, what: self.integer(node, what, 0, 20), 0),
-            "network": (self.choice("own", "shared"), "own"),
+            "quiet": (self.duration, 0.0), "network": (self.choice("own", "shared"), "own"),
         }  # fmt: skip
         said = self.section(node, what, table)
         named = [key for key in known if said[key]]
@@ -270,7 +270,7 @@ class PartReader(QuantityReader):
         roles: dict[bool, parts.Role] = {True: "observe", False: "provide"}
         channels = (self.channel(roles[key in COMMANDS], key, known[key], node.line) for key in named)
         stack = parts.Stack(commands[0] if commands else "", said["time"] == "simulated", said["step"], said["hops"],
-                            said["network"] == "own", node.line)  # fmt: skip
+                            said["quiet"], said["network"] == "own", node.line)  # fmt: skip
         return stack, tuple(replace(channel, address=said[channel.name]) for channel in channels)
 
     def robot(self, node: Node, what: str) -> tuple[tuple[str, float], ...]:

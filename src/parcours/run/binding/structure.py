@@ -200,6 +200,7 @@ class Stack:
         simulated: whether time passes on /clock, as fast as its nodes can work; else it is the machine's.
         step: the longest time that passes at once on /clock [s].
         hops: how many messages may follow on each other between its nodes, unheard by the tester.
+        quiet: how long nothing must be heard of its nodes after each step, for those with threads of their own [s].
         own: whether its nodes run in a network of their own.
     """
 
@@ -207,6 +208,7 @@ class Stack:
     simulated: bool = True
     step: float = 0.05
     hops: int = 0
+    quiet: float = 0.0
     own: bool = True
     line: int = field(default=0, compare=False)
 

@@ -1,9 +1,13 @@
 """Leads nodes that use simulated time from instant to instant by /clock, as fast as they can work.
 
 A step publishes the next instant and waits until all nodes are quiet. Whether one is cannot be seen from outside, but
-it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks, so a
-question is answered between two of them. What a node is asked after the clock has moved is answered after it has heard
-of that, and what it is asked next, after the timers that have become due.
+it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks. An
+executor looks what is there, and runs one callback of each entity that has something; that is one round. It looks at
+subscriptions before services, so a question that arrives just then overtakes what was published before it:
+
+    round 1  looks at /clock, nothing | /clock moves, question 1 | looks at services: question 1    at worst
+    round 2  /clock, question 2
+    round 3  timers that are due, question 3
 """
 
 from __future__ import annotations
@@ -22,6 +26,10 @@ START = 1_000_000_000
 """The first instant [ns]: zero on /clock means that there is no time yet."""
 
 _QUESTIONS = 2
+"""How many follow a message [rounds]: with the second answer it has been heard."""
+
+_QUESTIONS_OF_A_STEP = 3
+"""How many follow the clock [rounds]: with the third answer the timers that are due have fired."""
 
 _AHEAD = 100_000_000_000
 """How far time goes ahead before it goes back for the first time [ns]: no timer waits that long."""
@@ -131,7 +139,7 @@ class SteppedClock:
     def _publish(self) -> None:
         self._message.clock.sec, self._message.clock.nanosec = divmod(self._instant, 1_000_000_000)
         self._publisher.publish(self._message)
-        self.settle()
+        self._settle(_QUESTIONS_OF_A_STEP)
 
     def begin(self) -> None:
         """Set /clock back to its first instant, and count from there: timers of nodes start their periods again.
@@ -153,24 +161,29 @@ class SteppedClock:
 
         Raises HostFailure if a node does not come to rest, or answers no more.
         """
+        self._settle(_QUESTIONS)
+
+    def _settle(self, questions: int) -> None:
         deadline = time.perf_counter_ns() + int(self._within * 1e9)
         quiet_rounds = 0
         while quiet_rounds < self._rounds:
             before = self._heard
-            self._question(deadline)
+            self._question(questions, deadline)
             is_quiet = self._rounds == 1 or self._heard == before  # without hops nobody else listens
             quiet_rounds = quiet_rounds + 1 if is_quiet else 0
             if quiet_rounds == self._rounds and self._quiet:
-                self._participant.spin(time.perf_counter_ns() + self._quiet)
+                until = time.perf_counter_ns() + self._quiet
+                while self._participant.spin(until):
+                    pass
                 quiet_rounds = quiet_rounds if self._heard == before else 0
             if time.perf_counter_ns() > deadline:
                 rule = f"all nodes must be quiet within {self._within:g} s of real time, but messages go on"
                 raise HostFailure("stepped clock", rule, "are there timers on the real clock?", slug="ros2-restless")
 
-    def _question(self, deadline: int) -> None:
-        """Ask each node twice at once: an executor takes one question in a round of its callbacks."""
-        self._unanswered = Counter(dict.fromkeys(self._clients, _QUESTIONS))
-        for _ in range(_QUESTIONS):
+    def _question(self, questions: int, deadline: int) -> None:
+        """Ask each node several times at once: an executor takes one question in a round of its callbacks."""
+        self._unanswered = Counter(dict.fromkeys(self._clients, questions))
+        for _ in range(questions):
             for client in self._clients.values():
                 client.handle.send_request(self._ask)
         while self._unanswered:
