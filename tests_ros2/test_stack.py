@@ -196,6 +196,23 @@ def test_a_timer_that_is_due_fires_though_questions_overtake_the_clock(tmp_path:
         assert counted.observe(observation(0.1 * k)) == Command(first.v + k, 0.0)
 
 
+def test_a_message_finds_done_what_those_before_it_bring_about(folder: Path) -> None:
+    edit(folder / "dwa.py", ('        self.create_subscription(LaserScan, "/scan", self.on_scan, qos_profile_sensor_data)\n', ""),
+         ("        self.create_subscription(Odometry,", '        self.create_subscription(LaserScan, "/scan", self.on_scan, '
+          "qos_profile_sensor_data)\n        self.create_subscription(Odometry,"),
+         ("        ranges = np", "        self.commands.publish(Twist(linear=Vector3(x=self.pose[0])))\n        return\n"
+          "        ranges = np"), ("import PoseStamped,", "import PoseStamped, Vector3,"),
+         ("        self.create_timer(self.period, self.drive)\n", ""),
+         ("        rclpy.spin(Dwa())", "        node = Dwa()\n        while True:\n            time.sleep(0.005)\n"
+          "            rclpy.spin_once(node)"), ("import math\n", "import math\nimport time\n"))  # fmt: skip
+    answering = StackPlanner(folder / "dwa.yaml")
+    answering.reset(TASK)
+    for k in range(10):
+        seen = observation(0.1 * k)
+        seen.robot[0] = 0.25 * k
+        assert answering.observe(seen) == Command(0.25 * k, 0.0)
+
+
 def study(binding: Path, time_limit: float = 1.0) -> NavigationStudy:
     cases = WorldCases(1, find_world(str(EXAMPLES / "yard.yaml")))
     return NavigationStudy(StackPlanner(binding), cases, Scenario(period=0.1, time_limit=time_limit))
@@ -285,7 +302,7 @@ def test_a_node_that_dies_costs_its_case_with_its_name(folder: Path) -> None:
     mortal = StackPlanner(folder / "dwa.yaml")
     mortal.reset(TASK)
     mortal.observe(observation(0.0))
-    os.kill(running(str(folder / "dwa.yaml"))._session.host.running["dwa"][1].pid, signal.SIGKILL)
+    os.kill(running(str(folder / "dwa.yaml")).processes[0], signal.SIGKILL)
     began = time.perf_counter()
     with pytest.raises(ParcoursError, match="node dwa: must live, but killed by SIGKILL"):
         for k in range(1, 9):

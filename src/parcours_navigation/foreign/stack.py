@@ -296,6 +296,11 @@ class StackNodes:
         for name, how in self._session.deaths.items():
             raise HostFailure(f"node {name}", f"must live, but {how}", "look into its output", slug="foreign-dead")
 
+    @property
+    def processes(self) -> list[int]:
+        """The ids of the processes that were started."""
+        return [process.pid for _, process in self._session.host.running.values()]
+
     def begin(self) -> None:
         """Begin a case: time starts again, the binding's steps are done, and what was said before is forgotten."""
         from parcours_navigation.foreign.setup_steps import act
@@ -323,15 +328,16 @@ class StackNodes:
         return time.time() if self._clock is None else self._clock.instant * 1e-9
 
     def tell(self, channel: str, values: Mapping[str, object], items: Sequence[Mapping[str, object]]) -> None:
-        """Publish a message on a channel."""
+        """Publish a message on a channel, and let the nodes work on it: what comes next finds it done."""
         self._session.relay.inject(channel, self._maker.message(channel, values, items))
+        if self._clock is not None:
+            self._clock.settle()
 
     def pass_on(self, due: int) -> None:
-        """Let the nodes work on what they were told, and then let their timers fire at `due` [ns]."""
+        """Let the timers of the nodes fire that are due at `due` [ns]."""
         if self._clock is None:
             self._look()
         else:
-            self._clock.settle()
             self._clock.advance(due)
 
     def command(self) -> tuple[float, float, float] | None:
