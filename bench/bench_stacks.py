@@ -2,9 +2,9 @@
 
 python bench/bench_stacks.py --cases 20 --resets 1000
 
-In an interpreter that has rclpy, and in a network of its own (.ci/ros2 shows how). Whole cases of the yard are driven one
-after the other, by nodes that are started once. After that, short ones: each is to give the same track, to the last bit,
-whichever was before it. Processor time is that of the tester and of the nodes.
+In an interpreter that has rclpy, and in a network of its own (.ci/ros2 shows how). Whole cases of the yard are driven
+one after the other, by nodes that are started once. After that, short ones: each is to give the same track, to the last
+bit, whichever was before it. Processor time is that of the tester and of the nodes.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ def study(name: str, period: float, time_limit: float | None = None) -> Navigati
 
 def used(name: str) -> float:
     """Return the processor time of this process and of the nodes [s]."""
-    used = time.process_time()
+    spent = time.process_time()
     for pid in running(str(EXAMPLES / f"{name}.yaml")).processes:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-        used += (int(words[11]) + int(words[12])) / TICKS
-    return used
+        spent += (int(words[11]) + int(words[12])) / TICKS
+    return spent
 
 
 def speed(name: str, period: float, cases: int) -> None:

@@ -21,7 +21,8 @@ from parcours.run.hosts.ros2.transport import claim
 from parcours_navigation.checking.battery import run_battery
 from parcours_navigation.checking.subject import load_subject
 from parcours_navigation.foreign import stack
-from parcours_navigation.foreign.stack import StackNodes, StackPlanner, read_stack, running
+from parcours_navigation.foreign.stack import StackPlanner, read_stack, running
+from parcours_navigation.foreign.stack_nodes import StackNodes
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
 from parcours_navigation.study.study import NavigationStudy
@@ -197,14 +198,14 @@ def test_a_timer_that_is_due_fires_though_questions_overtake_the_clock(tmp_path:
 
 
 def test_a_message_finds_done_what_those_before_it_bring_about(folder: Path) -> None:
-    edit(folder / "dwa.py", ('        self.create_subscription(LaserScan, "/scan", self.on_scan, qos_profile_sensor_data)\n', ""),
-         ("        self.create_subscription(Odometry,", '        self.create_subscription(LaserScan, "/scan", self.on_scan, '
-          "qos_profile_sensor_data)\n        self.create_subscription(Odometry,"),
-         ("        ranges = np", "        self.commands.publish(Twist(linear=Vector3(x=self.pose[0])))\n        return\n"
-          "        ranges = np"), ("import PoseStamped,", "import PoseStamped, Vector3,"),
-         ("        self.create_timer(self.period, self.drive)\n", ""),
+    scan = '        self.create_subscription(LaserScan, "/scan", self.on_scan, qos_profile_sensor_data)\n'
+    edit(folder / "dwa.py", (scan, ""), ("        self.create_timer(self.period, self.drive)\n", ""),
+         ("        self.create_subscription(Odometry,", f"{scan}        self.create_subscription(Odometry,"),
+         ("        ranges = np", "        self.commands.publish(Twist(linear=Vector3(x=self.pose[0])))\n"
+          "        return\n        ranges = np"),
+         ("import PoseStamped,", "import PoseStamped, Vector3,"), ("import math\n", "import math\nimport time\n"),
          ("        rclpy.spin(Dwa())", "        node = Dwa()\n        while True:\n            time.sleep(0.005)\n"
-          "            rclpy.spin_once(node)"), ("import math\n", "import math\nimport time\n"))  # fmt: skip
+          "            rclpy.spin_once(node)"))  # fmt: skip
     answering = StackPlanner(folder / "dwa.yaml")
     answering.reset(TASK)
     for k in range(10):

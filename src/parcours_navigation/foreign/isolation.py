@@ -155,7 +155,7 @@ def _obey(order: Order, say: Callable[[str, object], None]) -> None:
 
     binding, out = read_binding(order.binding), Path(order.out)
     if order.only_check and binding.stack is not None:
-        from parcours_navigation.foreign.stack import check_stack
+        from parcours_navigation.foreign.stack_nodes import check_stack
 
         check_stack(binding)
         say("result", {"proposals": []})

@@ -85,7 +85,7 @@ class _Work:
     def is_known(self, type_: str, said: str, of: str, line: int) -> bool:
         if self.types.fields(type_) is not None:
             return True
-        remedy = "install its package, or name the folder of its .msg and .srv files under 'interfaces'"
+        remedy = "install its package, or name the folder of its definition under 'interfaces'"
         self.add(line, "unknown-message-type", f"a type must be known here, but {said} of {of} is not", remedy)
         return False
 

@@ -16,7 +16,7 @@ from parcours.run.binding import structure as parts
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.places import Place, parse_place
 from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
-from parcours.run.binding.standard import COMMANDS, standard_channels
+from parcours.run.binding.standard import ACTIONS, COMMANDS, standard_channels
 
 T = TypeVar("T")
 
@@ -271,7 +271,10 @@ class PartReader(QuantityReader):
         channels = (self.channel(roles[key in COMMANDS], key, known[key], node.line) for key in named)
         stack = parts.Stack(commands[0] if commands else "", said["time"] == "simulated", said["step"], said["hops"],
                             said["quiet"], said["network"] == "own", node.line)  # fmt: skip
-        return stack, tuple(replace(channel, address=said[channel.name]) for channel in channels)
+        return stack, tuple(
+            replace(channel, address=said[channel.name], part="goal" if channel.name in ACTIONS else channel.part)
+            for channel in channels
+        )
 
     def robot(self, node: Node, what: str) -> tuple[tuple[str, float], ...]:
         """Return what is said of the simulated robot."""

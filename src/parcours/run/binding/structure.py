@@ -15,7 +15,7 @@ Transport = Literal["ros1", "ros2"]
 Role = Literal["model", "between", "observe", "provide"]
 """A channel of the model, or a topic beside it: relayed between two nodes, listened to, or published by the tester."""
 
-Part = Literal["topic", "request", "response"]
+Part = Literal["topic", "request", "response", "goal"]
 """What a channel is on the wire: a topic, or one half of a service."""
 
 Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | tuple[tuple[str, Value], ...]"
@@ -92,7 +92,7 @@ class BoundChannel:
         name: the channel of the model; of `observe` and `provide`, a name of the user's choice.
         address: the global name of the topic or service.
         type: e.g. `geometry_msgs/Twist`.
-        part: a topic, or which half of the service.
+        part: a topic, or which half of the service, or the goal of an action.
         role: whether it is a channel of the model, and if not, what is done with it.
         fields: (field of the model's message, formula over the places of the ROS message).
         queue: how many messages wait at either end.

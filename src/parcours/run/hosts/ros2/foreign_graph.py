@@ -81,6 +81,9 @@ class Ros2Graph:
             self.participant = self._participant = Participant(TESTER[1:])
         self.environment = {name: os.environ[name] for name in os.environ if name.startswith(("ROS_", "FASTDDS_"))}
         self.environment = {**self.environment, "ROS_DOMAIN_ID": str(self.participant.domain)}
+        if self.known.built is not None:
+            paths = (str(self.known.built), os.environ.get("PYTHONPATH", ""))
+            self.environment = {**self.environment, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
     def close(self) -> None:
         """Leave the graph."""

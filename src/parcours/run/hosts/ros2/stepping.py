@@ -50,6 +50,7 @@ class SteppedClock:
         quiet: how long all must be silent after they have answered [ns of real time]; for nodes that have
             threads of their own.
         within: how long a step may take [s of real time].
+        tasks: how many coroutines may wake each other, as those of action servers are woken by timers [rounds].
         discovery: how long nodes may take to be found [s of real time].
         look: called now and then while nodes are waited for; what it raises ends the waiting.
 
@@ -61,8 +62,8 @@ class SteppedClock:
     name: ClockName = "simulated"
 
     def __init__(self, participant: Participant, nodes: Sequence[str], watched: Mapping[str, Any] | None = None, *,
-                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, within: float = 10.0, discovery: float = 30.0,
-                 look: Callable[[], None] = lambda: None) -> None:  # fmt: skip
+                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, tasks: int = 0, within: float = 10.0,
+                 discovery: float = 30.0, look: Callable[[], None] = lambda: None) -> None:  # fmt: skip
         from rcl_interfaces.srv import GetParameterTypes
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from rosgraph_msgs.msg import Clock as ClockMessage
@@ -71,7 +72,7 @@ class SteppedClock:
             raise BadRequest("stepped clock", f"a step takes time, but {step} ns was given", slug="ros2-step")
         self._participant, self._step, self._quiet, self._within = participant, step, quiet, within
         self._discovery, self._look = discovery, look
-        self._rounds = hops + 1
+        self._rounds, self._tasks = hops + 1, tasks
         self._zero = self._instant = START
         self._message = ClockMessage()
         self._publisher = participant.node.create_publisher(ClockMessage, "/clock", 10)
@@ -168,7 +169,7 @@ class SteppedClock:
         quiet_rounds = 0
         while quiet_rounds < self._rounds:
             before = self._heard
-            self._question(questions, deadline)
+            self._question(questions + self._tasks, deadline)
             is_quiet = self._rounds == 1 or self._heard == before  # without hops nobody else listens
             quiet_rounds = quiet_rounds + 1 if is_quiet else 0
             if quiet_rounds == self._rounds and self._quiet:
