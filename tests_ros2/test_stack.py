@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,16 @@ def observation(time: float, path: bool = True) -> Observation:
     robot, others = np.array([1.0, 2.0, 0.5, 0.25, -0.5]), np.array([[2.0, 3.0, 0.0, 0.1, 0.0, 0.3]])
     scan = Scan(np.array([1.0, np.inf, 2.0]), -0.5, 0.5, 4.0)
     return Observation(time, robot, others, TASK, scan, Map(cells, 0.5, (-1.0, -2.0)), way)
+
+
+def on_a_field(time: float, goal: tuple[float, float]) -> Observation:
+    """What is seen on an empty field from (1, 1), on the way to a goal."""
+    seen = observation(time, path=False)
+    seen.robot[:] = 1.0, 1.0, 0.0, 0.0, 0.0
+    seen.obstacles = seen.obstacles[:0]
+    seen.map = Map(np.zeros((100, 200), np.uint8), 0.1, (-10.0, -5.0))
+    seen.task = replace(TASK, goal=goal)
+    return seen
 
 
 PROBE = """
@@ -219,7 +230,7 @@ def study(binding: Path, time_limit: float = 1.0) -> NavigationStudy:
     return NavigationStudy(StackPlanner(binding), cases, Scenario(period=0.1, time_limit=time_limit))
 
 
-@pytest.mark.parametrize("name", ["dwa", "pure_pursuit"])
+@pytest.mark.parametrize("name", ["dwa", "pure_pursuit", "navigator"])
 def test_a_case_gives_the_same_track_whatever_was_before_it(folder: Path, name: str) -> None:
     driven = study(folder / f"{name}.yaml")
     first = {number: driven.track(number) for number in range(3)}
@@ -260,6 +271,41 @@ def test_in_real_time_a_stack_is_asked_as_the_clock_of_the_machine_goes(folder: 
     assert isinstance(answers[-1], Command)
 
 
+def test_a_goal_is_sent_to_an_action_server_and_ends_with_its_case(folder: Path) -> None:
+    edit(folder / "navigator.py", ("        result = N", "        print(goal.is_cancel_requested, why, flush=True)\n"
+         "        result = N"), ("        done = self.done", '        print("goal", flush=True)\n'
+         "        done = self.done"))  # fmt: skip
+    sent = StackPlanner(folder / "navigator.yaml")
+    for goal in ((3.0, 1.0), (-3.0, 1.0)):
+        sent.reset(TASK)
+        first = [sent.observe(on_a_field(0.1 * k, (3.0, 1.0))) for k in range(3)][-1]
+        assert isinstance(first, Command) and first.v > 0.3
+        assert sent.observe(on_a_field(0.3, goal)) == (first if goal[0] > 0.0 else Command(0.0, -0.8))
+    sent.reset(TASK)
+    log = running(str(folder / "navigator.yaml")).output("navigator")
+    assert log.splitlines() == ["goal", "True ", "goal", "goal", "False another goal came", "True "]
+
+
+NO_GOAL = {
+    "refused": ("navigator.py", ("GoalResponse.ACCEPT if", "GoalResponse.REJECT if"), "stack-goal", "was refused"),
+    "goes on": ("navigator.py", ("self.goal.is_cancel_requested or ", ""), "stack-goal", "must end within 10 s"),
+    "not served": ("navigator.yaml", ("navigate: /navigate_to_pose", "navigate: /navigate"), "absent-topic",
+                   "'navigate' needs a node that serves the action /navigate, but none does"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", NO_GOAL)
+def test_what_is_wrong_with_a_goal_is_said(folder: Path, wrong: str) -> None:
+    file, change, slug, said = NO_GOAL[wrong]
+    edit(folder / file, change)
+    with pytest.raises(ParcoursError, match=said) as caught:
+        sent = StackPlanner(folder / "navigator.yaml")
+        for _ in range(2):
+            sent.reset(TASK)
+            sent.observe(on_a_field(0.0, (3.0, 1.0)))
+    assert slug in str(caught.value)
+
+
 def complaint(binding: Path) -> ParcoursError:
     with pytest.raises(ParcoursError) as caught:
         nodes = StackNodes(read_stack(binding))
@@ -279,7 +325,8 @@ WRONG = {
     "other name": ("dwa.yaml", ("ros_node: /dwa", "ros_node: /dva"), "ros2-sim-time",
                    "/dva serve none"),
     "dies at once": ("dwa.py", ("    rclpy.init()", "    raise SystemExit('no map')"), "foreign-start", "no map"),
-    "no such type": ("dwa.yaml", ("  goal:", "  tf: /tf\n  goal:"), "unknown-message-type", "tf2_msgs/TFMessage"),
+    "no such type": ("dwa.yaml", ("\nstack:", "\nobserve: {seen: {topic: /seen, type: absent_msgs/Points}}\nstack:"),
+                     "unknown-message-type", "absent_msgs/Points"),
     "no command": ("dwa.yaml", ("  command: /cmd_vel\n", ""), "binding-stack", "names neither"),
     "other transport": ("dwa.yaml", ("transport: ros2", "transport: ros1"), "binding-stack", "driven on ros2"),
 }  # fmt: skip

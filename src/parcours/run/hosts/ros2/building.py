@@ -46,10 +46,10 @@ def built(folders: Iterable[Path]) -> Path | None:
 
     Raises BadRequest if a file is no definition, or rosidl or a compiler is not there.
     """
-    wanted = {name: files for name, files in definitions(folders).items() if not _is_installed(name)}
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").absolute() / "parcours" / "ros2"
+    wanted = {name: files for name, files in definitions(folders).items() if not _is_installed(name, cache)}
     if not wanted:
         return None
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parcours" / "ros2"
     place = cache / _digest(wanted)
     if not place.is_dir():
         _require_tools(wanted)
@@ -86,14 +86,18 @@ def definitions(folders: Iterable[Path]) -> Definitions:
     return found
 
 
-def _is_installed(package: str) -> bool:
+def _is_installed(package: str, cache: Path) -> bool:
+    """Return whether a package can be imported, and was not built here; a mere folder of its name is none."""
     found = importlib.util.find_spec(package)
-    return found is not None and found.origin is not None  # a folder of this name that happens to lie there is none
+    return found is not None and found.origin is not None and not Path(found.origin).is_relative_to(cache)
 
 
 def _digest(wanted: Definitions) -> str:
-    """Return what tells builds apart: the definitions, the interpreter, and where ROS is."""
+    """Return what tells builds apart: the definitions, the interpreter, where ROS is, and when it was installed."""
     whole = [sys.prefix, os.environ.get("AMENT_PREFIX_PATH", ""), str(sysconfig.get_config_var("EXT_SUFFIX"))]
+    generator = importlib.util.find_spec("rosidl_generator_c")
+    if generator is not None and generator.origin is not None:
+        whole.append(str(Path(generator.origin).stat().st_mtime_ns))
     whole += [f"{package}/{file}\0{text}" for package, files in wanted.items() for file, text in files.items()]
     return hashlib.sha256("\0".join(sorted(whole)).encode()).hexdigest()[:32]
 
@@ -143,8 +147,10 @@ def build(root: Path) -> None:
         for name, files in packages.items()
     }
     while packages:
-        name = min(packages, key=lambda name: (len(uses[name] & (packages.keys() - {name})), name))
+        name = min(packages, key=lambda one: (len(uses[one] & (packages.keys() - {one})), one))
         _package(root, name, packages.pop(name), uses[name] - {name})
+    for path in [*root.rglob("*.o"), *root.rglob("*.c"), *root.rglob("*.cpp")]:
+        path.unlink()
 
 
 def _idl(root: Path, package: Path) -> list[str]:

@@ -50,7 +50,7 @@ class Ros2Types:
         self._kinds: dict[str, Raw] = {}
 
     def find(self, name: str) -> Any:
-        """Return the class of a message, half of a service (`nav_msgs/GetPlanRequest`) or goal of an action, or None."""
+        """Return the class of a message, of half a service (`nav_msgs/GetPlanRequest`) or an action's goal, or None."""
         found = _imported(name, "msg")
         if found is None and name.endswith("Goal"):
             found = getattr(self.action(name.removesuffix("Goal")), "Goal", None)
