@@ -51,7 +51,8 @@ class Dwa(Node):
         ranges = np.asarray(scan.ranges)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
         seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges < 2.0)
-        self.points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))[seen]
+        ranges, angles = ranges[seen], angles[seen]
+        self.points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
 
     def on_goal(self, goal):
         """Go there from now on."""

@@ -33,10 +33,10 @@ class Ready:
     """What must be seen before a node counts as started, and for how long it is waited for [s].
 
     `bound` is everything that the binding says the node sends or serves. `name` is a global name; `value` what a
-    parameter must be, or the seconds of `after`.
+    parameter must be, the state of a lifecycle node, to which it is led, or the seconds of `after`.
     """
 
-    kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after"]
+    kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after", "life"]
     name: str = ""
     value: Constant = True
     timeout: float = START
@@ -142,9 +142,9 @@ class Bound:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """Something to do before or after a case: set or await a parameter, call a service, publish a message."""
+    """Something to do before or after a case: set or await a parameter, call a service, publish, lead a node's life."""
 
-    kind: Literal["set", "wait", "call", "publish"]
+    kind: Literal["set", "wait", "call", "publish", "life"]
     name: str
     type: str = ""
     value: Value = True

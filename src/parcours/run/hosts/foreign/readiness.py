@@ -109,6 +109,8 @@ class Readiness:
                 return self._now() - self._began[slot.name] >= float(one.value) * 1e9
             case "parameter":
                 return bool(host.graph.parameter(one.name) == one.value)
+            case "life":
+                return host.graph.lead(slot.ros_node, str(one.value))
             case "node":
                 return host.graph.answers(one.name)
             case "message":

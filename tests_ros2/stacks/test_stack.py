@@ -5,87 +5,26 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
+from tests_ros2.stacks.conftest import EXAMPLES, TASK, complaint, edit, observation
 
 from parcours.errors import ParcoursError
 from parcours.run.hosts.ros2.transport import claim
 from parcours_navigation.checking.battery import run_battery
 from parcours_navigation.checking.subject import load_subject
 from parcours_navigation.foreign import stack
-from parcours_navigation.foreign.stack import StackPlanner, read_stack, running
-from parcours_navigation.foreign.stack_nodes import StackNodes
+from parcours_navigation.foreign.stack import StackPlanner, running
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
+from parcours_navigation.protocol import Command
 from parcours_navigation.study.study import NavigationStudy
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import find_world
-
-EXAMPLES = Path(__file__).parents[1] / "examples" / "ros2_navigation"
-TASK = Task((3.0, 1.0), 0.2, 0.2, Limits(0.5, 1.5, 1.0, 2.0), 0.1, 4.0, 7)
-BAND = Path(sys.executable).parent
-
-
-@pytest.fixture(autouse=True)
-def surroundings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", f"{BAND}:{os.environ['PATH']}")
-    monkeypatch.setenv("ROS_DOMAIN_ID", "44")  # other tests leave their nodes on that of this run
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A copy of the examples whose nodes run in the network of the tests, to be changed."""
-    copy = tmp_path / "stacks"
-    shutil.copytree(EXAMPLES, copy)
-    for binding in copy.glob("*.yaml"):
-        if "\nstack:\n" in binding.read_text():
-            edit(binding, ("\nstack:\n", "\nstack:\n  network: shared\n"))
-    return copy
-
-
-@pytest.fixture(autouse=True)
-def ended() -> Iterator[None]:
-    """No test finds the nodes of another."""
-    yield
-    for path in list(stack._RUNNING):
-        stack.end(path)
-
-
-def edit(file: Path, *changes: tuple[str, str]) -> None:
-    text = file.read_text()
-    for old, new in changes:
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    file.write_text(text)
-
-
-def observation(time: float, path: bool = True) -> Observation:
-    cells = np.zeros((3, 4), np.uint8)
-    cells[1, 2], cells[2, 3] = 100, 255
-    way = np.array([[0.5, 1.0], [3.0, 1.0]]) if path else None
-    robot, others = np.array([1.0, 2.0, 0.5, 0.25, -0.5]), np.array([[2.0, 3.0, 0.0, 0.1, 0.0, 0.3]])
-    scan = Scan(np.array([1.0, np.inf, 2.0]), -0.5, 0.5, 4.0)
-    return Observation(time, robot, others, TASK, scan, Map(cells, 0.5, (-1.0, -2.0)), way)
-
-
-def on_a_field(time: float, goal: tuple[float, float]) -> Observation:
-    """What is seen on an empty field from (1, 1), on the way to a goal."""
-    seen = observation(time, path=False)
-    seen.robot[:] = 1.0, 1.0, 0.0, 0.0, 0.0
-    seen.obstacles = seen.obstacles[:0]
-    seen.map = Map(np.zeros((100, 200), np.uint8), 0.1, (-10.0, -5.0))
-    seen.task = replace(TASK, goal=goal)
-    return seen
-
 
 PROBE = """
 import json, sys
@@ -269,48 +208,6 @@ def test_in_real_time_a_stack_is_asked_as_the_clock_of_the_machine_goes(folder: 
     answers = [slow.observe(observation(0.1 * k)) for k in range(8)]
     assert time.perf_counter() - began >= 0.7
     assert isinstance(answers[-1], Command)
-
-
-def test_a_goal_is_sent_to_an_action_server_and_ends_with_its_case(folder: Path) -> None:
-    edit(folder / "navigator.py", ("        result = N", "        print(goal.is_cancel_requested, why, flush=True)\n"
-         "        result = N"), ("        done = self.done", '        print("goal", flush=True)\n'
-         "        done = self.done"))  # fmt: skip
-    sent = StackPlanner(folder / "navigator.yaml")
-    for goal in ((3.0, 1.0), (-3.0, 1.0)):
-        sent.reset(TASK)
-        first = [sent.observe(on_a_field(0.1 * k, (3.0, 1.0))) for k in range(3)][-1]
-        assert isinstance(first, Command) and first.v > 0.3
-        assert sent.observe(on_a_field(0.3, goal)) == (first if goal[0] > 0.0 else Command(0.0, -0.8))
-    sent.reset(TASK)
-    log = running(str(folder / "navigator.yaml")).output("navigator")
-    assert log.splitlines() == ["goal", "True ", "goal", "goal", "False another goal came", "True "]
-
-
-NO_GOAL = {
-    "refused": ("navigator.py", ("GoalResponse.ACCEPT if", "GoalResponse.REJECT if"), "stack-goal", "was refused"),
-    "goes on": ("navigator.py", ("self.goal.is_cancel_requested or ", ""), "stack-goal", "must end within 10 s"),
-    "not served": ("navigator.yaml", ("navigate: /navigate_to_pose", "navigate: /navigate"), "absent-topic",
-                   "'navigate' needs a node that serves the action /navigate, but none does"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("wrong", NO_GOAL)
-def test_what_is_wrong_with_a_goal_is_said(folder: Path, wrong: str) -> None:
-    file, change, slug, said = NO_GOAL[wrong]
-    edit(folder / file, change)
-    with pytest.raises(ParcoursError, match=said) as caught:
-        sent = StackPlanner(folder / "navigator.yaml")
-        for _ in range(2):
-            sent.reset(TASK)
-            sent.observe(on_a_field(0.0, (3.0, 1.0)))
-    assert slug in str(caught.value)
-
-
-def complaint(binding: Path) -> ParcoursError:
-    with pytest.raises(ParcoursError) as caught:
-        nodes = StackNodes(read_stack(binding))
-        nodes.close()
-    return caught.value
 
 
 WRONG = {
