@@ -23,6 +23,7 @@ contracts: $(VENV)/.developer
 	$(BIN)/lint-imports
 
 tests: $(VENV)/.developer
+	$(BIN)/parcours compile --workers 2
 	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
 
 test-ros1: $(VENV)/.developer

@@ -29,6 +29,7 @@ from parcours_navigation.foreign.running import ForeignStudy, SystemDrive
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TOGETHER, SIDE_BY_SIDE = "ITP1-tp22.tp31.tp22-0.1.1", "plan-tp31.tp22.tp31-0.5.6"
+IN_ORDER = "ITP1-tp22.tp31.tp22-0.1.6@1"
 
 
 @pytest.fixture
@@ -58,7 +59,7 @@ def run(nodes: Path, out: Path, **wanted: Any) -> list[Result]:
         return list(ForeignStudy(host, Order(str(binding), str(out), **wanted)).run())
 
 
-@pytest.mark.parametrize("case", [TOGETHER, SIDE_BY_SIDE, "sense_to_motion-tp11.tp32-0.0"])
+@pytest.mark.parametrize("case", [TOGETHER, SIDE_BY_SIDE, IN_ORDER, "sense_to_motion-tp11.tp32-0.0"])
 def test_cases_of_the_model_pass_in_their_order_and_a_recording_says_so_again(
     nodes: Path, tmp_path: Path, case: str
 ) -> None:

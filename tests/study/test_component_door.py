@@ -257,3 +257,22 @@ def test_one_case_is_judged_alone_and_its_command_shows_the_same(lift: Path, mon
     for foreign in (dataclasses.replace(case, values=(8.0,)), dataclasses.replace(case, abstract="ITP9-a-0")):
         with pytest.raises(BadSuite, match=r"\[foreign-case\]"):
             judge_case(foreign, str(lift))
+
+
+def test_orders_are_tried_each_with_the_data_of_its_case_and_run_again_by_name(lift: Path, tmp_path: Path) -> None:
+    study = find(str(lift))
+    plain = run(study, tmp_path / "plain", instances="per-visit")
+    base = plain.cases()[0].id.removeprefix("functional/")
+    abstract, row = base.split("/")[-2:]
+    found = run(study, tmp_path / "out", None, f"{abstract}/{row}", instances="per-visit", orders="all")
+    names = [case.id.removeprefix("functional/") for case in found.cases()]
+    assert len(names) > 5 and all(name.startswith(f"lift/{abstract}@") for name in names)
+    assert {str(case.verdict) for case in found.cases()} == {"pass"}
+    once = run(study, tmp_path / "once", None, names[3], instances="per-visit")
+    assert [case.id for case in once.cases()] == [f"functional/{names[3]}"]
+    page = call("replay", tmp_path / "once", names[3], "--study", lift)
+    assert page.exit_code == 0 and names[3] in page.output
+    suite = list(study.suite(settings_of(study.parameters, {"orders": "2", "instances": "per-visit"}), 1))
+    values = {case.id: case.values for case in study.suite(settings_of(study.parameters, {}), 1)}
+    assert all(values[f"lift/{case.abstract.partition('@')[0]}/{case.row}"] == case.values for case in suite)
+    assert judge_case(suite[1], str(lift)).verdict is Verdict.PASS

@@ -11,6 +11,7 @@ from parcours.abtc.interleaving import (
     side_by_side,
 )
 from parcours.abtc.order import Order
+from parcours.abtc.ordering import MARK, Orders, in_order, order_names, parse_orders
 from parcours.abtc.rendezvous import meetings, rendezvous_pairs
 from parcours.abtc.requiring import require_cases
 from parcours.abtc.sequencing import Emission, Event, Reception, serialise
@@ -18,8 +19,9 @@ from parcours.abtc.serialising import POLICIES, AbstractCase, Start, abstract_ca
 from parcours.abtc.visits import Visits, as_one_instance, ask_alone
 
 __all__ = [
-    "POLICIES", "AbstractCase", "Emission", "Event", "Order", "Reception", "Start", "Visits", "abstract_cases",
-    "as_one_instance", "ask_alone", "case_counts", "combinations", "component_graph", "count_sequences", "find_case",
-    "interaction_paths", "meetings", "notation", "order_of", "order_of_case", "rendezvous_pairs", "require_cases",
-    "sample_sequences", "sequences", "serialise", "side_by_side",
+    "MARK", "POLICIES", "AbstractCase", "Emission", "Event", "Order", "Orders", "Reception", "Start", "Visits",
+    "abstract_cases", "as_one_instance", "ask_alone", "case_counts", "combinations", "component_graph",
+    "count_sequences", "find_case", "in_order", "interaction_paths", "meetings", "notation", "order_names", "order_of",
+    "order_of_case", "parse_orders", "rendezvous_pairs", "require_cases", "sample_sequences", "sequences", "serialise",
+    "side_by_side",
 ]  # fmt: skip

@@ -20,7 +20,7 @@ from math import comb
 
 from parcours.abtc.combining import Combination
 from parcours.abtc.order import Order, Place, grouped, join
-from parcours.abtc.sequencing import serialise
+from parcours.abtc.sequencing import Event, serialise
 from parcours.abtc.serialising import AbstractCase
 from parcours.errors import BadRequest
 from parcours.model.structure import Cefsm
@@ -69,14 +69,20 @@ def order_of_case(case: AbstractCase) -> Order:
     Raises:
         BadSuite: references wait for each other, as in a case whose starts were edited.
     """
-    events = serialise(case)
-    lines: list[list[int]] = [[] for _ in case.combination.references]
+    return order_of_events(serialise(case))
+
+
+def order_of_events(events: Sequence[Event]) -> Order:
+    """Return the order that every execution of serialised events keeps; paths are its references, by their numbers."""
+    lines: dict[int, list[int]] = {reference: [] for reference in sorted({event.reference for event in events})}
     for event in events:
         lines[event.reference].append(event.position)
-    place = {event: (path, at) for path, line in enumerate(lines) for at, event in enumerate(line)}
+    place = {event: (path, at) for path, line in enumerate(lines.values()) for at, event in enumerate(line)}
     before = [(place[cause], place[event.position]) for event in events for cause in event.after]
     before += [(place[event.position], place[event.before]) for event in events if event.before is not None]
-    names = [[f"{events[at].path}#{events[at].reference} {events[at].transition}" for at in line] for line in lines]
+    names = [
+        [f"{events[at].path}#{events[at].reference} {events[at].transition}" for at in line] for line in lines.values()
+    ]
     return Order.of(names, before)
 
 
@@ -105,10 +111,23 @@ def sample_sequences(
     Raises:
         BadRequest: paths that wait for each other have more positions than `most_positions`.
     """
-    counted = [_Counted(order, paths, most_positions) for paths in _apart(order)]
-    draw = random.Random(seed)
+    sampler, draw = Sampler(order, most_positions), random.Random(seed)
     for _ in range(number):
-        yield tuple(_shuffled([part.drawn(draw) for part in counted], draw))
+        yield sampler.drawn(draw)
+
+
+class Sampler:
+    """Draws sequences, all being equally likely.
+
+    Raises BadRequest if paths that wait for each other have more positions than `most_positions`.
+    """
+
+    def __init__(self, order: Order, most_positions: int = MOST_POSITIONS) -> None:
+        self._counted = [_Counted(order, paths, most_positions) for paths in _apart(order)]
+
+    def drawn(self, draw: random.Random) -> tuple[int, ...]:
+        """Return a sequence of events."""
+        return tuple(_shuffled([part.drawn(draw) for part in self._counted], draw))
 
 
 def sequences(order: Order) -> Iterator[tuple[int, ...]]:

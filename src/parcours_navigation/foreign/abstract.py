@@ -30,6 +30,10 @@ PATIENCE = 4_000_000_000
 """How long an event may take once it is its turn [ns]."""
 
 UNSEEN = "not visible: assumed"
+_REST = 50_000_000
+"""How long a node that answers nothing is given to take a message, where it never rests [ns]."""
+_GLANCE = 200_000
+"""How often it is looked whether it rests [ns]."""
 _SETTLE = 200_000_000
 """How long the background runs before the case begins to move [ns]."""
 
@@ -43,6 +47,8 @@ class _Turn:
     missing: list[str] = field(default_factory=list)
     last: int = -1
     is_given: bool = False
+    effort: int = -1
+    """The processor time of the process that took its message without an answer, when it got it [ns]; else negative."""
 
 
 @dataclass(slots=True)
@@ -126,7 +132,7 @@ class AbstractDrive:
             self._background.say(now)
             if now >= begin:
                 self._grant(now)
-            session.poll(session.now() + 5_000_000)
+            session.poll(session.now() + (_GLANCE if self._is_awaited() else 5_000_000))
             self._judge.watch.quiet(session.horizon)
             self._expire(session.now())
         self._thaw(all_of_them=True)
@@ -155,7 +161,7 @@ class AbstractDrive:
                 if to_do and to_do[0].since < 0 and self._precedence.allows(to_do[0].event, self._done):
                     to_do[0].since = now
                     moved |= self._begin(reference, to_do[0])
-                elif to_do and to_do[0].since >= 0 and not to_do[0].missing and to_do[0].is_given:
+                elif to_do and to_do[0].since >= 0 and self._is_over_for(reference, to_do[0]):
                     moved |= self._finish(reference, to_do[0])
 
     def _begin(self, reference: int, turn: _Turn) -> bool:
@@ -165,11 +171,22 @@ class AbstractDrive:
                 self._gated(event, self._made(channel))
             turn.missing.clear()
         elif event.receives is not None and event.receives.channel in self._bound:
-            if not turn.missing:
-                self._freeze(reference, event.position)
+            if not turn.missing and not self._freeze(reference, event.position):
+                turn.effort = self._session.effort(self._slots[reference])
             self._give(reference, turn)
         turn.is_given = True
-        return bool(not turn.missing and not self._failed and self._finish(reference, turn))
+        return bool(self._is_over_for(reference, turn) and not self._failed and self._finish(reference, turn))
+
+    def _is_over_for(self, reference: int, turn: _Turn) -> bool:
+        """Whether the node has done all that the event says; what it takes silently it has taken once it rests."""
+        if turn.missing or not turn.is_given:
+            return False
+        if turn.effort < 0 or self._session.now() - turn.since > _REST:
+            return True
+        return self._session.rests(self._slots[reference], turn.effort)
+
+    def _is_awaited(self) -> bool:
+        return any(to_do and to_do[0].is_given and to_do[0].effort >= 0 for to_do in self._to_do.values())
 
     def _give(self, reference: int, turn: _Turn) -> None:
         """Open the gate of the message that the event receives, or make it up."""
@@ -215,19 +232,25 @@ class AbstractDrive:
 
     # A process is kept at a point where nothing else keeps it.
 
-    def _freeze(self, reference: int, after: int | None = None) -> None:
-        """Stop the process if what it shall do next, once the event `after` is over, is not its turn yet."""
+    def _freeze(self, reference: int, after: int | None = None) -> bool:
+        """Stop the process if what it shall do next, once the event `after` is over, is not its turn yet.
+
+        Returns whether nothing is to be awaited of it: it stands, or what follows shows that the event is over.
+        """
         to_do, slot = list(self._to_do[reference]), self._slots[reference]
         follows = to_do[1:] if after is not None else to_do
         if not follows or not slot.node.is_ours or reference in self._frozen:
-            return
+            return reference in self._frozen or not slot.node.is_ours
+        receives = follows[0].event.receives
+        if after is not None and receives is not None and receives.channel in self._bound:
+            return False  # it waits for a message that the tester has
         done = self._done if after is None else self._done | {after}
-        if self._precedence.allows(follows[0].event, done):
-            return
-        self._frozen.add(reference)
-        self._session.hold(slot)
-        for component in slot.node.components:
-            self._relay.note(STOPPED, slot.component(component))
+        if not self._precedence.allows(follows[0].event, done):
+            self._frozen.add(reference)
+            self._session.hold(slot)
+            for component in slot.node.components:
+                self._relay.note(STOPPED, slot.component(component))
+        return True
 
     def _thaw(self, *, all_of_them: bool = False) -> None:
         for reference in list(self._frozen):

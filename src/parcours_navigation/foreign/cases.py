@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from parcours.abtc import Emission, Event, Reception, abstract_cases, serialise
+from parcours.abtc import (
+    MARK,
+    Emission,
+    Event,
+    Orders,
+    Reception,
+    abstract_cases,
+    in_order,
+    order_names,
+    serialise,
+)
 from parcours.abtc.interactions import component_graph
 from parcours.data import draw, read_input_model
 from parcours.paths.covering import internal_paths
@@ -26,7 +36,7 @@ class AbstractScene:
     """An abstract case with a row of test inputs.
 
     Attributes:
-        id: of the abstract case, and the number of the row.
+        id: of the abstract case, with the name of the order if it is not the usual one, and the number of the row.
         events: in their order.
         inputs: names and values; empty if the binding has no `data`.
     """
@@ -64,13 +74,36 @@ def abstract_scenes(binding: Binding, seed: int) -> Iterator[AbstractScene]:
             yield AbstractScene(f"{id}/{row}", events, tuple(zip(inputs.names, drawn, strict=True)))
 
 
+def in_orders(scene: AbstractScene, wanted: Orders, seed: int) -> Iterator[AbstractScene]:
+    """Yield a scene in the orders that are wanted of its case. Raises BadRequest if it has too many."""
+    abstract, _, row = scene.id.rpartition("/")
+    for name in order_names(abstract, scene.events, wanted, seed):
+        yield replace(scene, id=f"{abstract}{MARK}{name}/{row}", events=in_order(abstract, scene.events, name, seed))
+
+
 def find_scenes(binding: Binding, seed: int, ids: Collection[str]) -> dict[str, AbstractScene]:
-    """Return the abstract cases with some ids, by id; those that the binding does not have are missing."""
+    """Return the abstract cases with some ids, by id; those that the binding does not have are missing.
+
+    Raises BadRequest: an id names an order that its case does not have.
+    """
     once = {id for id, _ in itertools.islice(_sequences(binding), MOST)}
-    parts = [id.rpartition("/") for id in ids]
-    rows = [int(row) for abstract, _, row in parts if abstract in once and row.isdecimal() and len(row) < 7]
+    parts = {id: _parts(id) for id in ids}
+    rows = [int(row) for abstract, _, row in parts.values() if abstract in once and row.isdecimal() and len(row) < 7]
     every = itertools.islice(abstract_scenes(binding, seed), len(once) * (max(rows, default=-1) + 1))
-    return {scene.id: scene for scene in every if scene.id in ids}
+    wanted = {f"{abstract}/{row}" for abstract, _, row in parts.values()}
+    found = {scene.id: scene for scene in every if scene.id in wanted}
+    return {
+        id: replace(scene, id=id, events=in_order(abstract, scene.events, order, seed))
+        for id, (abstract, order, row) in parts.items()
+        if (scene := found.get(f"{abstract}/{row}")) is not None
+    }
+
+
+def _parts(id: str) -> tuple[str, str, str]:
+    """Return the abstract case, the order and the row of an id."""
+    case, _, row = id.rpartition("/")
+    abstract, _, order = case.partition(MARK)
+    return abstract, order, row
 
 
 def _sequences(binding: Binding) -> Iterator[tuple[str, tuple[Event, ...]]]:

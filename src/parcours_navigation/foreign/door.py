@@ -9,13 +9,14 @@ import dataclasses
 import itertools
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from parcours.abtc import MARK, parse_orders
 from parcours.errors import BadRequest, BadResults, BadSuite, ParcoursError, one_of
 from parcours.run.atomic import require_writable, write_atomically
 from parcours.run.binding import Binding, compile_binding
@@ -31,7 +32,7 @@ from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import parse_bound
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.foreign.abstract import PATIENCE
-from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes
+from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes, in_orders
 from parcours_navigation.foreign.isolation import Order, run_apart
 from parcours_navigation.foreign.results import RosResults, tables
 from parcours_navigation.foreign.timing import spans
@@ -48,6 +49,7 @@ PARAMETERS = (
     Parameter(SYSTEM, "int", 0, "system cases to run after the abstract ones", low=0, high=100_000, decides=False),
     Parameter("protocol", "text", "table-vii", "how obstacles move in system cases",
               choices=("table-vii", "published", "empty")),
+    Parameter("orders", "text", "", "of each abstract case to try beside its own: all, N, or pct:d or pct:d:N"),
     Parameter("repeats", "int", 0, "of each span that `timing` of the binding bounds", low=0, high=1_000_000),
     Parameter("faults", "text", "", "a file of faults, or lines: 'Planner: crash at 3 s'"),
     Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
@@ -96,7 +98,7 @@ class RosStudy:
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the abstract cases, of which there are `n_cases`, then the system cases."""
-        abstract = self._abstract(seed, self.n_cases if n_cases is None else n_cases)
+        abstract = self._abstract(seed, self.n_cases if n_cases is None else n_cases, str(settings["orders"]))
         system = (self._system(k, settings, seed) for k in range(int(settings[SYSTEM])))
         for number, case in enumerate(itertools.chain(abstract, system)):
             yield dataclasses.replace(case, number=number)
@@ -220,11 +222,15 @@ class RosStudy:
 
     # Cases.
 
-    def _abstract(self, seed: int, n_cases: int | None) -> Iterator[Case]:
-        """Yield the first abstract cases; None is each once."""
-        every = abstract_scenes(self.binding, seed)
-        first = itertools.takewhile(lambda scene: scene.id.endswith("/0"), every)
-        for scene in first if n_cases is None else itertools.islice(every, n_cases):
+    def _abstract(self, seed: int, n_cases: int | None, orders: str = "") -> Iterator[Case]:
+        """Yield the first abstract cases, each in the orders that are wanted; None is each once."""
+        every: Iterable[AbstractScene] = abstract_scenes(self.binding, seed)
+        if n_cases is None:
+            every = itertools.takewhile(lambda scene: scene.id.endswith("/0"), every)
+        if orders:
+            wanted = parse_orders(orders)
+            every = (one for scene in every for one in in_orders(scene, wanted, seed))
+        for scene in itertools.islice(every, n_cases):
             yield self._case(scene, seed)
 
     def _case(self, scene: AbstractScene, seed: int) -> Case:
@@ -264,7 +270,17 @@ class RosStudy:
             rule = f"chosen cases must be the study's, but it has no {', '.join(wrong[:5])}"
             remedy = one_of(wrong[0].split("/")[-2] if "/" in wrong[0] else wrong[0], [*known[:200], "system/0"])
             raise BadRequest(f"study {self.name!r}", rule, remedy[:300], slug="case-unknown")
-        return list({case.id: case for case in given.values() if case is not None}.values())
+        chosen = {case.id: case for case in given.values() if case is not None}.values()
+        return [one for case in chosen for one in self._ordered(case, request.settings)]
+
+    def _ordered(self, case: Case, settings: Settings) -> Iterator[Case]:
+        """Yield a chosen case in the orders that are wanted; a system case, or one in a named order, as it is."""
+        if not settings["orders"] or MARK in case.abstract or case.abstract == SYSTEM:
+            yield case
+            return
+        scene = find_scenes(self.binding, case.seed, [id := f"{case.abstract}/{case.row}"])[id]
+        for one in in_orders(scene, parse_orders(str(settings["orders"])), case.seed):
+            yield self._case(one, case.seed)
 
     def _limits(self, settings: Settings) -> list[str]:
         """Return the ids of the verdicts on limits, if there is timing."""

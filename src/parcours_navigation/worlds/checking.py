@@ -15,6 +15,8 @@ from parcours_navigation.worlds.paper import paper_cases
 from parcours_navigation.worlds.solving import solve_worlds
 
 PERIOD = 0.05  # Between observations, as planners are asked by default [s]
+_ENOUGH = 5
+"""If none of so many first cases can be made, no other is tried: to refuse a drawn ground takes seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +55,15 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
     world = find_world(name)
     if paper_cases(world, seed, "navigation") is not None:
         return Checked(world, n, (), (3, 3), (0, 0), (), (), 0, True)
-    cases, wrong, good, bodies, walls = WorldCases(seed, world), [], [], [], []
+    cases, wrong, bodies, walls = WorldCases(seed, world), [], [], []
+    good: list[int] = []
     for number in range(n):
         try:
             [staged] = cases.staged([number], PERIOD)
         except ParcoursError as error:
             wrong.append(error)
+            if not good and len(wrong) == _ENOUGH:
+                raise wrong[0] from None
         else:
             good.append(number)
             bodies.append(len(staged.scene.obstacles))

@@ -113,11 +113,8 @@ def test_no_ground_is_both_connected_and_apart_and_narrow_gaps_are_decided() -> 
         assert no is None or found[1] == no
         fine = is_connected(packed, area, *ends, 0.2, spacing=0.01), is_apart(packed, area, *ends, 0.2, spacing=0.01)
         assert fine == (gap > 0.42, gap < 0.38) or gap == 0.4
-    for seed in range(40):
-        try:
-            site = cylinders(seed, n=60, size=4.0, radius=0.2)
-        except BadGround:
-            continue
+    for seed in range(12):  # some need several attempts
+        site = cylinders(seed, n=26, size=4.0, radius=0.2)
         assert not is_apart(site.ground.pack(), site.area, site.start[:2], site.goal, 0.2)
 
 

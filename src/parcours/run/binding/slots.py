@@ -93,12 +93,14 @@ class SlotPlan:
 
 @dataclass(slots=True)
 class _Spokes:
-    found: dict[tuple[str, Side, str], Spoke] = field(default_factory=dict)
+    found: dict[tuple[str, Side, str, str], Spoke] = field(default_factory=dict)
 
-    def add(self, channel: BoundChannel, slot: str, side: Side, address: str, *, overheard: bool = False) -> None:
+    def add(self, channel: BoundChannel, slot: str, side: Side, address: str, client: str = "", *,
+            overheard: bool = False) -> None:  # fmt: skip
+        """Let a channel pass there; of a service those of each client by themselves, so that answers are told apart."""
         if not address or channel.part == "goal":  # the tester asks action servers itself
             return
-        key = slot, side, address
+        key = slot, side, address, client if channel.part != "topic" else ""
         before = self.found.get(key)
         if channel.part == "topic":
             names = (*(before.channels if before else ()), channel.name)
@@ -114,8 +116,8 @@ def whole(binding: Binding) -> SlotPlan:
     spokes = _Spokes()
     for channel, route in zip(binding.channels, routes(binding), strict=True):
         client, server = (route.receiver, route.sender) if route.part == "response" else (route.sender, route.receiver)
-        spokes.add(channel, client, "out", route.out, overheard=route.access == "observe")
-        spokes.add(channel, server, "into", route.into)
+        spokes.add(channel, client, "out", route.out, client, overheard=route.access == "observe")
+        spokes.add(channel, server, "into", route.into, client)
     moved = remappings(binding)
     slots = tuple(Slot(one.name, one, None, one.ros_node, moved.get(one.name, ())) for one in binding.nodes)
     return SlotPlan(slots, tuple(spokes.found.values()))
@@ -183,13 +185,21 @@ def _seated(binding: Binding, node: Process, name: str, number: int | None, rena
                 continue
             prefix = OUT if side == "out" else INTO
             address = f"{prefix}/{node.name}_{tag}{channel.address}" if node.remap else given or channel.address
-            spokes.add(channel, name, side, address)
+            spokes.add(channel, name, side, address, _client(binding, channel))
             if node.remap:
                 key = channel.address
                 if renamed and key.startswith(f"{node.ros_node}/"):
                     key = ros_node + key.removeprefix(node.ros_node)
                 remap.add((key, address))
     return Slot(name, node, number, ros_node, tuple(sorted(remap)))
+
+
+def _client(binding: Binding, channel: BoundChannel) -> str:
+    """Return who asks, where a channel is part of a service."""
+    if channel.role == "between":
+        return channel.ends[channel.part == "response"]
+    declared = binding.model.channel(channel.name)
+    return declared.receiver if channel.part == "response" else declared.sender
 
 
 def _ends(binding: Binding, channel: BoundChannel, node: Process) -> tuple[bool, bool]:

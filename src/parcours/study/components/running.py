@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from parcours.abtc import MARK
 from parcours.errors import BadResults, HostFailure
 from parcours.report.pieces import Page, Piece, Table
 from parcours.run.atomic import require_writable
@@ -27,7 +28,7 @@ from parcours.study.journal import Journal, read_journal, read_question, write_q
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Progress, Reported, Request, Results, Run
 from parcours.study.selection import chosen_cases
-from parcours.suite import Case
+from parcours.suite import Case, Plan
 from parcours.verdict.contracts import contracts_of
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -42,7 +43,7 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
     settings = request.settings
     host = str(settings["host"])
     plan = study.plan(request.seed, request.n_cases)
-    cases = chosen_cases(plan, request.chosen, study.name)
+    cases = _wanted(study, request, plan)
     require_writable(request.out)
     nodes = study.nodes()
     require_carried(nodes.model, nodes.shown, nodes.specimens)
@@ -63,13 +64,33 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
     found = results.results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out), instances)
     results.write_components(request.out, found)
     is_clean = not interrupted and all(one.verdict == "pass" for one in found.results if not one.bound)
-    if is_clean and host == "simulated" and study.inputs.domains and not request.chosen:
+    if is_clean and host == "simulated" and study.inputs.domains and not request.chosen and not settings["orders"]:
         results.write_landing(request.out, glance(study, plan, settings))
     total = len(cases) + n_timed
     if interrupted:
         text = f"interrupted: {len(found.results)} of {total} cases are finished and kept in {request.out}"
         return Run(True, f"{text}; run the same command again to compute the rest")
     return Run(False, f"all {total} cases are finished in {request.out}")
+
+
+def _wanted(study: ComponentStudy, request: Request, plan: Plan) -> list[Case]:
+    """Return the cases of a request: all, or the chosen ones, of which each may name an order."""
+    if not request.chosen:
+        return list(study.suite(request.settings, request.seed, request.n_cases))
+    orders: dict[str, list[str]] = {}  # of abstract case and row -> the orders that are named; empty for what is wanted
+    for id in request.chosen:
+        abstract, _, rest = id.partition(MARK)
+        order, _, row = rest.partition("/")
+        orders.setdefault(f"{abstract}/{row}" if row else abstract, []).append(order)
+    chosen_cases(plan, list(orders), study.name)  # says all that are wrong at once
+    found: dict[str, Case] = {}
+    for id, names in orders.items():
+        for case in chosen_cases(plan, [id], study.name):
+            named = [replace(case, abstract=f"{case.abstract}{MARK}{name}") if name else case for name in names]
+            found |= {one.id: one for one in study.in_orders(named, request.settings)}
+    for case in found.values():
+        study.visits(case, request.settings)  # raises if an order is not one
+    return sorted(found.values(), key=lambda case: case.number)
 
 
 def _execute(
@@ -260,8 +281,8 @@ def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
     assert isinstance(document, dict)
     _, abstract, row = id.split("/")
     plan = study.plan(int(document["seed"]), None)
-    number = int(row) * len(study.abstracts) + list(study.abstracts).index(abstract)
-    case = study.plan(int(document["seed"]), max(len(plan), number + 1)).case(number)
+    number = int(row) * len(study.abstracts) + list(study.abstracts).index(abstract.partition(MARK)[0])
+    case = replace(study.plan(int(document["seed"]), max(len(plan), number + 1)).case(number), abstract=abstract)
     settings = {**document["settings"], "graph": "", "record": ""}
     return results.page_of(study.name, case, *run_again(study, case, settings))
 

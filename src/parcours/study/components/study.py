@@ -9,11 +9,23 @@ from __future__ import annotations
 import copy
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from parcours.abtc import AbstractCase, Event, Visits, as_one_instance, ask_alone, serialise
+from parcours.abtc import (
+    MARK,
+    AbstractCase,
+    Event,
+    Visits,
+    as_one_instance,
+    ask_alone,
+    in_order,
+    order_names,
+    parse_orders,
+    serialise,
+)
 from parcours.data import InputModel
 from parcours.errors import BadSuite
 from parcours.model.structure import Cefsm
@@ -73,6 +85,7 @@ def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
         Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
         Parameter("instances", "text", PER_CASE, "of a component: one a case, to which answers go, or one a visit",
                   choices=(PER_VISIT, PER_CASE)),
+        Parameter("orders", "text", "", "of each case to try beside its own: all, N, or pct:d or pct:d:N"),
         Parameter("repeats", "int", 60, "of a timing case", low=1, high=100_000),
         *more,
     )  # fmt: skip
@@ -157,8 +170,27 @@ class ComponentStudy:
         )  # fmt: skip
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
-        """Yield the cases."""
-        return self.plan(seed, n_cases).cases()
+        """Yield the cases, each in the orders that are wanted; each has the data that it has without them."""
+        cases = self.plan(seed, n_cases).cases()
+        return itertools.islice(self.in_orders(cases, settings), n_cases)
+
+    def in_orders(self, cases: Iterable[Case], settings: Settings) -> Iterator[Case]:
+        """Yield each case in all orders that are wanted, the ways of enforcing it that differ; one that has one, as is.
+
+        Raises BadRequest: the setting is wrong, or a case has too many orders.
+        """
+        wanted = parse_orders(str(settings["orders"])) if settings.get("orders") else None
+        for case in cases:
+            if wanted is None or MARK in case.abstract:
+                yield case
+                continue
+            seen = set()
+            for name in order_names(case.abstract, self._events(case.abstract), wanted, case.seed):
+                one = dataclasses.replace(case, abstract=f"{case.abstract}{MARK}{name}")
+                enforced = self.visits(one, settings).enforced
+                if (key := tuple((event.reference, event.transition) for event in enforced)) not in seen:
+                    seen.add(key)
+                    yield one
 
     @property
     def recorded(self) -> RecordingCodec:
@@ -215,7 +247,7 @@ class ComponentStudy:
 
     def _stimuli(self, case: Case, settings: Settings, *, timed: bool = False) -> Stimuli:
         """Return what the tester chooses for a case; it is remembered, since some choices take a second to find."""
-        key = case.abstract, case.values, timed, tuple(sorted(settings.items()))
+        key = case.abstract, case.seed, case.values, timed, tuple(sorted(settings.items()))
         if key not in self._chosen:
             if len(self._chosen) >= _CHOICES:
                 self._chosen.clear()
@@ -228,12 +260,13 @@ class ComponentStudy:
         return {}
 
     @functools.lru_cache(maxsize=256)  # noqa: B019 - a study lives as long as its process
-    def _events(self, abstract: str) -> tuple[Event, ...]:
-        return serialise(self.abstracts[abstract])
+    def _events(self, abstract: str, order: str = "", seed: int = 0) -> tuple[Event, ...]:
+        return in_order(abstract, serialise(self.abstracts[abstract]), order, seed)
 
     @functools.lru_cache(maxsize=256)  # noqa: B019 - as above
-    def _visits(self, abstract: str, alone: bool, one_instance: bool) -> Visits:
-        events = ask_alone(self._events(abstract)) if alone else self._events(abstract)
+    def _visits(self, abstract: str, order: str, seed: int, alone: bool, one_instance: bool) -> Visits:
+        events = self._events(abstract, order, seed)
+        events = ask_alone(events) if alone else events
         return as_one_instance(events, self.takes_any_time) if one_instance else Visits(events)
 
     def visits(self, case: Case, settings: Settings, *, timed: bool = False) -> Visits:
@@ -243,11 +276,12 @@ class ComponentStudy:
 
         Raises BadSuite: the study has no such abstract case, or it cannot run with one instance of each component.
         """
-        if case.abstract not in self.abstracts:
+        abstract, _, order = case.abstract.partition(MARK)
+        if abstract not in self.abstracts:
             rule = f"a case must be one that the study has, but no abstract case of {self.name} is called like that"
             raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
         one_instance = settings.get("instances") == PER_CASE and not timed
-        return self._visits(case.abstract, self.alone and not timed, one_instance)
+        return self._visits(abstract, order, case.seed if order else 0, self.alone and not timed, one_instance)
 
     def events(self, case: Case) -> tuple[Event, ...]:
         """Return the events of a case, with an instance a visit. Raises BadSuite if it is no case of the study."""
@@ -323,7 +357,10 @@ class ComponentStudy:
 
         judgement, trace = run_again(self, case, settings)
         taken = [event.transition for event in trace.events if event.kind == "take"]
-        facts = (("interaction", self.abstracts[case.abstract].interaction.name), ("taken", " ".join(taken)))
+        facts = (
+            ("interaction", self.abstracts[case.abstract.partition(MARK)[0]].interaction.name),
+            ("taken", " ".join(taken)),
+        )
         command = f"parcours run {self.where or self.name} --seed {case.seed} --case {case.id} --out out"
         return Judged(case, judgement.verdict, judgement.why, facts, f"{command} && parcours replay out {case.id}")
 
@@ -331,7 +368,8 @@ class ComponentStudy:
         """Raise BadSuite unless this is a case that the study has, with the values that its seed gives."""
         self.events(case)
         plan = self.plan(case.seed, case.number + 1)
-        if plan.case(case.number) != dataclasses.replace(case, time_budget=self.time_budget):
+        abstract = case.abstract.partition(MARK)[0]
+        if plan.case(case.number) != dataclasses.replace(case, abstract=abstract, time_budget=self.time_budget):
             rule = f"a case must be one that the study has, but case {case.number} of seed {case.seed} is another"
             raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
 

@@ -162,9 +162,9 @@ class ForeignHost:
             channel = self.binding.channel(next(name for name in spoke.channels if name))
             where = f"{self.binding.source}:{channel.line}: channel {channel.name!r}"
             raise BadRequest(where, rule, remedy, slug="unknown-message-type")
-        if spoke.side == "into":
+        if spoke.side == "into" and spoke.address not in self._callers:
             self._callers[spoke.address] = self.graph.call(spoke.address, spoke.type)
-        else:
+        elif spoke.side == "out":
             self.graph.serve(spoke.address, spoke.type, functools.partial(self._asked, spoke.address))
 
     def _asked(self, address: str, data: bytes, reply: Reply) -> None:

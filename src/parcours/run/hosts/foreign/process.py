@@ -21,6 +21,8 @@ _KEEPER = str(Path(__file__).with_name("process_keeper.py"))
 _TAIL = 5
 _LONGEST_TAIL = 4096
 _ANSWER = 5.0
+_WHOLE_PROCESS = 2
+"""Makes of a process's number the clock of its processor time (clock_getcpuclockid(3))."""
 _STEERING = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(?:\x07|\x1b\\)|[@-Z\\-_])")
 """Escape sequences of terminals (ECMA-48)."""
 
@@ -118,11 +120,30 @@ class KeptProcess:
         return stands
 
     def _stands(self) -> bool:
-        try:
+        states = self._states()
+        return bool(states) and set(states) <= set("Tt")
+
+    def _states(self) -> str:
+        """Return the state of each thread, one letter each; none if it has ended."""
+        with contextlib.suppress(OSError):
             states = [(task / "stat").read_text() for task in Path(f"/proc/{self.pid}/task").iterdir()]
-        except OSError:
-            return False
-        return all(state.rpartition(")")[2].split()[0] in "Tt" for state in states)
+            return "".join(state.rpartition(")")[2].split()[0] for state in states)
+        return ""
+
+    def effort(self) -> int:
+        """Return the processor time of all its threads, not of what it has started [ns]; 0 if it has ended."""
+        with contextlib.suppress(OSError):
+            return time.clock_gettime_ns(~self.pid << 3 | _WHOLE_PROCESS)
+        return 0
+
+    def rests(self, since: int) -> bool:
+        """Return whether it has worked since it had had that `effort`, and every thread waits for something now.
+
+        A message wakes the thread that reads it, and each thread that has work the next one; so a process that rests
+        has taken what was sent to it, though a callback may still wait for something else.
+        """
+        effort = self.effort()
+        return effort != since and not set(self._states()) & set("RDTt") and self.effort() == effort
 
     def worked(self) -> tuple[float, bool]:
         """Return its processor time, itself, not what it has started [s], and whether it wants more or a disk now."""

@@ -200,6 +200,15 @@ class Session:
         self.act(slot, "stop")
         return slot.name in self.host.running and self.host.running[slot.name][1].await_stop()
 
+    def effort(self, slot: Slot) -> int:
+        """Return the processor time of a slot's process [ns], negative if the tester has not started it."""
+        return self.host.running[slot.name][1].effort() if slot.name in self.host.running else -1
+
+    def rests(self, slot: Slot, since: int) -> bool:
+        """Return whether a slot's process has worked since that `effort`, and waits now; also if it has ended."""
+        process = self.host.running[slot.name][1]
+        return process.rests(since) or not process.is_alive
+
     def act(self, slot: Slot, what: str) -> None:
         """Stop, continue or kill a slot's process, if the tester has started it."""
         if slot.name in self.host.running:
