@@ -32,7 +32,7 @@ print(counted.result().n, deserialize_message(serialize_message(Part()), Part).n
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PARCOURS_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("ROS_DOMAIN_ID", "45")
     return tmp_path / "cache"
 
@@ -65,4 +65,4 @@ def test_a_definition_that_is_wrong_is_said(tmp_path: Path, cache: Path, text: s
     with pytest.raises(BadRequest, match=said) as caught:
         built([defined(tmp_path / "own", part_msgs__msg__Part=text)])
     assert caught.value.slug == "message-definition"
-    assert not list(cache.glob("parcours/ros2/*"))
+    assert not list(cache.glob("ros2/*"))

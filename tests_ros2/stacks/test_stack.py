@@ -260,11 +260,11 @@ def test_a_node_that_dies_costs_its_case_with_its_name(folder: Path) -> None:
 def test_the_command_line_runs_reports_and_checks_a_stack(tmp_path: Path) -> None:
     def parcours(*words: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "parcours", *words]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=500)
 
     checked = parcours("binding", "check", str(EXAMPLES / "dwa.yaml"), "--live")
     assert (checked.returncode, "the running system has all that is bound" in checked.stdout) == (0, True), checked
     out = str(tmp_path / "out")
-    ran = parcours("run", str(EXAMPLES / "study.yaml"), "--cases", "2", "--workers", "1", "--out", out, "--json")
+    ran = parcours("run", str(EXAMPLES / "study.yaml"), "--cases", "1", "--workers", "1", "--out", out, "--json")
     assert ran.returncode in (0, 1), ran
-    assert '"reached": 2' in ran.stdout and '"error": 0' in ran.stdout, ran
+    assert '"reached": 1' in ran.stdout and '"error": 0' in ran.stdout, ran

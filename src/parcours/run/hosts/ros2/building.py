@@ -44,9 +44,13 @@ Definitions = Mapping[str, Mapping[str, str]]
 def built(folders: Iterable[Path]) -> Path | None:
     """Return the folder from which the packages defined in some folders can be imported; None if all are installed.
 
+    It lies under PARCOURS_CACHE_DIR if that is set, else under XDG_CACHE_HOME or ~/.cache.
+
     Raises BadRequest if a file is no definition, or rosidl or a compiler is not there.
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").absolute() / "parcours" / "ros2"
+    home = os.environ.get("PARCOURS_CACHE_DIR")
+    base = Path(home) if home else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parcours"
+    cache = base.absolute() / "ros2"
     wanted = {name: files for name, files in definitions(folders).items() if not _is_installed(name, cache)}
     if not wanted:
         return None
