@@ -30,7 +30,8 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
     binding = read_binding(file)
     for finding in check_binding(file.read_text(encoding="utf-8"), str(file))[1]:
         click.echo(str(finding), err=True)
-    where = f"{file}: {len(binding.nodes)} nodes, {len(binding.channels)} channels of {binding.model.name!r}"
+    whose = "a navigation stack" if binding.stack else repr(binding.model.name)
+    where = f"{file}: {len(binding.nodes)} nodes, {len(binding.channels)} channels of {whose}"
     if live:
         for proposal in check_nodes(binding, master, network):
             click.echo(f"note: {proposal}", err=True)

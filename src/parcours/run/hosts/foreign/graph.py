@@ -121,6 +121,9 @@ class ForeignGraph(Protocol):
     def set_parameter(self, key: str, value: Value) -> None:
         """Set a parameter. Raises HostFailure if that is refused."""
 
+    def lead(self, node: str, state: str) -> bool:
+        """Lead a lifecycle node towards a state; return whether it is in it. Raises HostFailure if it refuses."""
+
     # Recordings.
 
     def kind(self, type_: str) -> Raw | None:
