@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
-from parcours.report.pieces import Column, Table
+from parcours.report.pieces import Cell, Column, Table
 from parcours.study.protocol import Measure, Results
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.statistics import compare_with_published, holm, rate_difference, wilson
+from parcours.verdict.statistics import RateComparison, compare_with_published, holm, rate_difference, wilson
 
 _STATISTIC = r"(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)"
 _MEASURE = r"(?:(?:violated|robustness)\s*\(\s*[A-Za-z_][A-Za-z0-9_.-]*\s*\)|[A-Za-z_][A-Za-z0-9_]*)"
@@ -285,14 +285,14 @@ def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
 
 def compare_apart(now: Results, earlier: Results) -> Table:
     """Return the rates of two runs that have no cases in common, side by side, each with its interval."""
-    rows = []
+    rows: list[tuple[str, RateComparison]] = []
     before = earlier.measures()
     for name, measure in now.measures().items():
         if measure.kind == "rate" and name in before:
             values = [one[~np.isnan(one)] for one in (measure.values, before[name].values)]
             (count, n), (old, m) = ((int(one.sum()), len(one)) for one in values)
             rows.append((name, compare_with_published(count, n, old, m)))
-    shown = [
+    shown: list[tuple[Cell, ...]] = [
         (name, *(f"{of.share:.2%} [{of.low:.2%}, {of.high:.2%}]" for of in (one.published, one.ours)), p)
         for (name, one), p in zip(rows, holm([one.p_value for _, one in rows]), strict=True)
     ]

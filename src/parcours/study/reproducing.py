@@ -108,8 +108,8 @@ def noted(folder: Path) -> Reproduction | None:
     """Return what was kept of these very results; None if nothing was, or of others."""
     try:
         document = json.loads((folder / FILE).read_bytes())
-        lists = {name: tuple(map(str, document.pop(name))) for name in ("differing", "changed")}
-        found = Reproduction(**document, **lists)
+        differing, changed = (tuple(map(str, document.pop(name))) for name in ("differing", "changed"))
+        found = Reproduction(**document, differing=differing, changed=changed)
         return found if found.campaign == open_results(folder).campaign.digest else None
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, BadRequest, BadResults):
         return None
