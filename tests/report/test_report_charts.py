@@ -48,8 +48,9 @@ def test_a_chart_is_the_same_bytes_every_time(name: str) -> None:
 
 def test_a_chart_is_the_same_bytes_in_another_process() -> None:
     program = (
-        "from parcours.report.rates import shares; "
-        "print(shares('Outcomes', ['goal', 'stuck'], {'original': [90, 10], 'guarded': [99, 1]}, ['good', 'bad']).svg)"
+        "import sys; from parcours.report.rates import shares; "
+        "it = shares('Outcomes', ['goal', 'stuck'], {'original': [90, 10], 'guarded': [99, 1]}, ['good', 'bad']); "
+        "assert 'matplotlib' not in sys.modules, 'a terminal shows words alone'; print(it.svg)"
     )
     environment = {**os.environ, "PYTHONHASHSEED": "7"}
     other = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)

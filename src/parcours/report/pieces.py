@@ -6,6 +6,7 @@ A study composes these; the rest of report/ turns them into HTML (page), text (t
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -100,12 +101,20 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A drawing: `svg` is an <svg> element of our own making, so trusted; `alt` says it in words."""
+    """A drawing: `svg` is an <svg> element of our own making, so trusted; `alt` says it in words.
+
+    What draws it may be given instead, and is called when it is shown on a page: a terminal shows the words alone.
+    """
 
     title: str
-    svg: str
+    drawing: str | Callable[[], str]
     alt: str
     note: str = ""
+
+    @property
+    def svg(self) -> str:
+        """The <svg> element."""
+        return self.drawing if isinstance(self.drawing, str) else self.drawing()
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,31 +42,34 @@ def intervals(
     require_data(title, groups, series)
     require_same_length(title, groups, series)
     spread = 0.62 / max(len(series) - 1, 1) if len(series) > 1 else 0.0
-    with canvas(0.75 + 0.145 * len(groups) * (len(series) + 1)) as (figure, (panel,)):
-        for k, (name, rates) in enumerate(series.items()):
-            offset = spread * (k - (len(series) - 1) / 2)
-            known = [(row + offset, rate) for row, rate in enumerate(rates) if rate and not math.isnan(rate.share)]
-            y = [place for place, _ in known]
-            colour = SERIES[k % len(SERIES)]
-            panel.hlines(y, [r.low for _, r in known], [r.high for _, r in known], color=colour, linewidth=1.6)
-            panel.plot(
-                [r.share for _, r in known], y, MARKERS[k % len(MARKERS)], color=colour, markersize=5.5,
-                markeredgecolor=PAPER, markeredgewidth=0.7, label=name, clip_on=False, zorder=3,
-            )  # fmt: skip
-        for row in range(1, len(groups)):
-            panel.axhline(row - 0.5, color=RULE, linewidth=0.7)
-        set_rows(panel, groups)
-        panel.set_xlim(left=0.0)
-        panel.grid(visible=False, axis="y")
-        panel.xaxis.set_major_formatter(percent)
-        panel.set_xlabel(axis)
-        figure.legend(loc="outside upper left", ncols=len(series), handletextpad=0.3, columnspacing=1.6)
-        svg = svg_of(figure)
+
+    def draw() -> str:
+        with canvas(0.75 + 0.145 * len(groups) * (len(series) + 1)) as (figure, (panel,)):
+            for k, (name, rates) in enumerate(series.items()):
+                offset = spread * (k - (len(series) - 1) / 2)
+                known = [(row + offset, rate) for row, rate in enumerate(rates) if rate and not math.isnan(rate.share)]
+                y = [place for place, _ in known]
+                colour = SERIES[k % len(SERIES)]
+                panel.hlines(y, [r.low for _, r in known], [r.high for _, r in known], color=colour, linewidth=1.6)
+                panel.plot(
+                    [r.share for _, r in known], y, MARKERS[k % len(MARKERS)], color=colour, markersize=5.5,
+                    markeredgecolor=PAPER, markeredgewidth=0.7, label=name, clip_on=False, zorder=3,
+                )  # fmt: skip
+            for row in range(1, len(groups)):
+                panel.axhline(row - 0.5, color=RULE, linewidth=0.7)
+            set_rows(panel, groups)
+            panel.set_xlim(left=0.0)
+            panel.grid(visible=False, axis="y")
+            panel.xaxis.set_major_formatter(percent)
+            panel.set_xlabel(axis)
+            figure.legend(loc="outside upper left", ncols=len(series), handletextpad=0.3, columnspacing=1.6)
+            return svg_of(figure)
+
     words = (
         f"{group}: " + ", ".join(_in_words(name, rates[row]) for name, rates in series.items())
         for row, group in enumerate(groups)
     )
-    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
+    return Figure(title, draw, f"{axis}. " + "; ".join(words), note)
 
 
 def shares(
@@ -85,32 +88,35 @@ def shares(
     require_data(title, slices, series)
     require_same_length(title, slices, {**series, "tones": tones})
     parts = {name: _normalised(title, name, counts) for name, counts in series.items()}
-    with canvas(0.75 + 0.42 * len(series)) as (figure, (panel,)):
-        for k, name in enumerate(slices):
-            colour = TONES[tones[k]]
-            left = np.array([part[:k].sum() for part in parts.values()])
-            width = np.array([part[k] for part in parts.values()])
-            panel.barh(
-                range(len(parts)), width, left=left, height=0.68, color=colour, label=name,
-                edgecolor=PAPER, linewidth=1.0,
-            )  # fmt: skip
-            for row in (int(i) for i in np.flatnonzero(width >= 0.035)):
-                panel.text(
-                    left[row] + width[row] / 2, row, f"{width[row]:.1%}", ha="center", va="center",
-                    color=label_ink(colour), fontsize=8.5 if width[row] >= 0.06 else 7.0,
+
+    def draw() -> str:
+        with canvas(0.75 + 0.42 * len(series)) as (figure, (panel,)):
+            for k, name in enumerate(slices):
+                colour = TONES[tones[k]]
+                left = np.array([part[:k].sum() for part in parts.values()])
+                width = np.array([part[k] for part in parts.values()])
+                panel.barh(
+                    range(len(parts)), width, left=left, height=0.68, color=colour, label=name,
+                    edgecolor=PAPER, linewidth=1.0,
                 )  # fmt: skip
-        set_rows(panel, list(parts))
-        panel.set_xlim(0.0, 1.0)
-        panel.grid(visible=False)
-        panel.spines[:].set_visible(False)
-        panel.set_xticks([])
-        figure.legend(loc="outside upper left", ncols=min(len(slices), 4), handlelength=1.0, handleheight=1.0)
-        svg = svg_of(figure)
+                for row in (int(i) for i in np.flatnonzero(width >= 0.035)):
+                    panel.text(
+                        left[row] + width[row] / 2, row, f"{width[row]:.1%}", ha="center", va="center",
+                        color=label_ink(colour), fontsize=8.5 if width[row] >= 0.06 else 7.0,
+                    )  # fmt: skip
+            set_rows(panel, list(parts))
+            panel.set_xlim(0.0, 1.0)
+            panel.grid(visible=False)
+            panel.spines[:].set_visible(False)
+            panel.set_xticks([])
+            figure.legend(loc="outside upper left", ncols=min(len(slices), 4), handlelength=1.0, handleheight=1.0)
+            return svg_of(figure)
+
     words = (
         f"{name}: " + ", ".join(f"{share:.1%} {what}" for share, what in zip(part, slices, strict=True))
         for name, part in parts.items()
     )
-    return Figure(title, svg, "; ".join(words), note)
+    return Figure(title, draw, "; ".join(words), note)
 
 
 def _normalised(title: str, name: str, counts: Sequence[float]) -> Floats:
