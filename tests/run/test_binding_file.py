@@ -162,6 +162,30 @@ BAD = [
     ("transport: ros1", "transport: ros1\nbefore_case: [{go: /x}]", 5, "has no key 'go'", "unknown-key"),
     ("transport: ros1", "transport: ros1\nbefore_case: [{set: /x}]", 5, "either 'to' or 'formula'", "binding-action"),
     ("transport: ros1", "transport: ros1\nbefore_case: [{call: /x}]", 5, "must have the key 'type'", "missing-key"),
+    (
+        "transport: ros1",
+        "transport: ros1\nbefore_case: [{life: /x, is: up}]",
+        5,
+        "unconfigured, inactive",
+        "binding-action",
+    ),
+    ("transport: ros1", "transport: ros1\nstack: {scan: /scan}", 5, "but names neither", "binding-stack"),
+    (
+        "transport: ros1",
+        "transport: ros1\nstack: {command: /a, command_stamped: /b}",
+        5,
+        "but names 2",
+        "binding-stack",
+    ),
+    (
+        "transport: ros1",
+        "transport: ros1\nstack: {command: /a, time: real}",
+        5,
+        "a stack is driven on ros2",
+        "binding-stack",
+    ),
+    ("[./planner], r", "[./planner], life: active, r", 7, "only nodes of ros2 have a life", "binding-life"),
+    ("[./wheels]", "[./wheels], life: active", 9, "must say how to ask it", "missing-key"),
     ("name: pair", "name: &a pair", 2, "no anchors or aliases", "yaml-alias"),
 ]
 

@@ -30,6 +30,7 @@ def findings(binding: Binding) -> list[Finding]:
     check.timing()
     check.system()
     check.stack()
+    check.life()
     if not check.found:
         check.found += separation_findings(binding)
     return check.found
@@ -208,6 +209,15 @@ class _Check:
         if stack is not None and self.binding.transport != "ros2":
             rule = f"a stack is driven on ros2, but 'transport' is {self.binding.transport}"
             self.add(stack.line, "binding-stack", rule, "write transport: ros2")
+
+    def life(self) -> None:
+        if self.binding.transport == "ros2":
+            return
+        led = [node.line for node in self.binding.nodes for one in node.ready if one.kind == "life"]
+        steps = (*self.binding.before_case, *self.binding.after_case)
+        for line in led + [step.line for step in steps if step.kind == "life"]:
+            rule = f"only nodes of ros2 have a life, but 'transport' is {self.binding.transport}"
+            self.add(line, "binding-life", rule, "delete 'life'")
 
     def is_ours(self, name: str) -> bool:
         """Whether the tester makes the messages of a bound channel: no node runs its sender."""
