@@ -3,8 +3,8 @@
 python bench/bench_stacks.py --cases 20 --resets 1000
 
 In an interpreter that has rclpy, and in a network of its own (.ci/ros2 shows how). Whole cases of the yard are driven
-one after the other, by nodes that are started once. After that, short ones: each is to give the same track, to the last
-bit, whichever was before it. Processor time is that of the tester and of the nodes.
+one after the other, by nodes that are started once. After that, short ones: each is to give the same track bit
+for bit, whichever was before it. Processor time is that of the tester and of the nodes.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ def run_campaign(
         progress: called in this process.
         enough: called in this process; ends the campaign after the first shard in whose order it says why, for
             any number of workers. What they had computed beyond it is removed.
-        rules: in words what `enough` goes by; where a folder was begun by others, it may end beyond what is there only.
+        rules: in words what `enough` goes by; where a folder was begun by others, it may end beyond its shards only.
         max_time: ends the campaign after so much time [s of wall clock], with the first shards that are finished; None:
             never.
 

@@ -87,7 +87,7 @@ def read_history(file: Path) -> list[Entry]:
         try:
             document = json.loads(line)
             if document.pop("parcours") != FORMAT:
-                raise ValueError(f"it is none of {FORMAT}")
+                raise ValueError(f"it is not of {FORMAT}")
             rates = {str(name): (int(count), int(n)) for name, (count, n) in document.pop("rates").items()}
             if not all(0 <= count <= n for count, n in rates.values()):
                 raise ValueError("a count is above its number of cases")

@@ -61,7 +61,7 @@ def reproduce(folder: Path, progress: Progress, *, given: str = "", workers: int
         id
         for id, verdict in ids.items()
         if verdict in (Verdict.FAIL, Verdict.ERROR) and id.rpartition("/")[0] not in ids
-    ]  # a part of another case is none of its own
+    ]  # a part of another case is no case
     if not failing:
         return Reproduction(0, 0, campaign=store.campaign.digest)
     if not (folder / RUN).exists():

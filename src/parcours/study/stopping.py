@@ -27,7 +27,7 @@ Rates = Callable[[Rows], Mapping[str, NDArray[np.float64]]]
 """Facts of cases -> what each of them counts for every rate, by name: 0 or 1, NaN where it is not known."""
 
 MOST_CASES = 1_000_000
-"""So many cases a campaign has at most that ends by a rule, if nothing is said."""
+"""Most cases of a campaign that ends by a rule, by default."""
 
 _RULE = re.compile(
     r"\s*(?P<measure>[A-Za-z_]\w*(?:\s*\(\s*[A-Za-z_][\w.-]*\s*\))?)\s*(?P<relation>±|\+-|\+/-|<=|>=|<|>)"

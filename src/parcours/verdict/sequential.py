@@ -23,7 +23,7 @@ from parcours.errors import BadRequest
 from parcours.verdict.statistics import Rate
 
 CONCENTRATION = 100.0
-"""How narrow the mixture is if nothing is said: intervals are tightest after about eight times as many cases."""
+"""How narrow the mixture is by default: intervals are tightest after about eight times as many cases."""
 
 _HALVINGS = 60
 

@@ -170,7 +170,7 @@ class StackNodes:
         return (self._session.host.folder / f"{file_name(name)}.log").read_text(encoding="utf-8", errors="replace")
 
     def begin(self) -> None:
-        """Begin a case: time starts again, the binding's steps are done, and what was said before is forgotten."""
+        """Begin a case: time starts again, the binding's steps are done, and earlier messages are dropped."""
         from parcours_navigation.foreign.setup_steps import act
 
         self._look()

@@ -101,7 +101,7 @@ def sum_up(
 
 @kernel
 def sum_up_later(memories: Floats, rows: Ints, facts: Record) -> None:
-    """Add to FACTS, shape (n,), what became of the unfinished cases in some rows while they were watched on."""
+    """Add to FACTS, shape (n,), what became of the unfinished cases in some rows while they were observed further."""
     for row in rows:
         memory, found = memories[row], facts[row]
         found.t_goal_after = goal_time(memory)

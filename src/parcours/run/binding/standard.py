@@ -10,7 +10,7 @@ from parcours.model.documents import Mapping as Tree
 from parcours.model.documents import Node, read_document
 
 COMMANDS = ("command", "command_stamped")
-"""Those on which a stack speaks; on all others it is told of its world."""
+"""Those on which a stack speaks; the others tell it about its world."""
 
 ACTIONS = ("navigate",)
 """Those that are no topics, but actions: their messages are goals."""

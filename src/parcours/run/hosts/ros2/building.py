@@ -91,7 +91,7 @@ def definitions(folders: Iterable[Path]) -> Definitions:
 
 
 def _is_installed(package: str, cache: Path) -> bool:
-    """Return whether a package can be imported, and was not built here; a mere folder of its name is none."""
+    """Return whether a package can be imported, and was not built here; a mere folder of its name is no package."""
     found = importlib.util.find_spec(package)
     return found is not None and found.origin is not None and not Path(found.origin).is_relative_to(cache)
 
