@@ -1,11 +1,11 @@
 # make demo: the whole study of the paper, one report.   make test: everything a reviewer would run without ROS.
-# make test-ros1, make test-ros2: the same components and others' on real ROS.
+# make test-ros1, make test-ros2: the same components, and foreign ones, on real ROS.   make docs: the documentation, as a site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test test-ros1 test-ros2 format lint types contracts tests fuzz bench clean
+.PHONY: demo test test-ros1 test-ros2 docs format lint types contracts tests fuzz bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/parcours demo --out out/demo
@@ -32,6 +32,9 @@ test-ros1: $(VENV)/.developer
 test-ros2: $(VENV)/.developer
 	.ci/ros2
 
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs out/docs
+
 format: $(VENV)/.developer
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -42,7 +45,7 @@ fuzz: $(VENV)/.developer
 bench: $(VENV)/.developer
 	for part in criteria.py solving.py "space.py --largest 5" "walking.py --steps 200000" arrays.py \
 		start.py agents.py worlds.py growth.py "ground.py --pairs 20000" transport.py "hosts.py --repeats 10" \
-		"stuck.py --cases 300" "requirements.py --formulas 1000" planners.py system.py; do \
+		"stuck.py --cases 300" "stopping.py --campaigns 1000" "requirements.py --formulas 1000" planners.py system.py; do \
 		echo "== $$part"; $(BIN)/python bench/bench_$$part || exit 1; done
 
 clean:
@@ -55,4 +58,8 @@ $(VENV)/.runtime: pyproject.toml constraints.txt
 
 $(VENV)/.developer: $(VENV)/.runtime
 	$(PIP) --editable '.[dev]'
+	touch $@
+
+$(VENV)/.docs: $(VENV)/.runtime
+	$(PIP) --editable '.[docs]'
 	touch $@

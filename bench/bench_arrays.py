@@ -1,7 +1,7 @@
 """Sizes of covering arrays and the seconds they take, against published sizes and those of other tools.
 
 python bench/bench_arrays.py                 the default effort: a fixed amount of work, a few seconds
-python bench/bench_arrays.py --budget 300    so many seconds for each array
+python bench/bench_arrays.py --budget 300    this many seconds for each array
 python bench/bench_arrays.py --growth        cost against size, pair-wise, over three decades of tuples
 """
 

@@ -33,7 +33,7 @@ def component_cases(n: int, seed: int) -> Iterator[tuple[str, Judgement]]:
 
 
 def system_cases(n: int, seed: int, seconds: float) -> Iterator[tuple[str, Judgement]]:
-    """Yield the verdicts of n system cases that end after so many seconds and are not watched on."""
+    """Yield the verdicts of n system cases that end after this many seconds and are not observed further."""
     door = system.study()
     settings = {one.name: one.default for one in door.parameters} | {"time_limit": seconds}
     kinds = [(one, other) for one in ("guarded", "original") for other in ("published", "table-vii")]

@@ -109,7 +109,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=100, help="cases for each number of obstacles or members")
     parser.add_argument("--seed", type=int, default=0, help="campaign seed")
-    parser.add_argument("--tries", type=int, default=3, help="the best of so many runs counts")
+    parser.add_argument("--tries", type=int, default=3, help="the best of this many runs counts")
     parser.add_argument("--one", nargs=2, metavar=("SCHEDULE", "CASES"), help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     if chosen.one:

@@ -1,7 +1,7 @@
 """How long a user waits for the first result: with compiled kernels on disk, and from an empty cache.
 
 python bench/bench_start.py            best of 3 warm starts, two cold starts, the paper's 905 cases
-python bench/bench_start.py --no-cold  without compiling anew
+python bench/bench_start.py --no-cold  without compiling again
 
 Wall-clock time of whole commands of `parcours`, from typing return to the prompt: starting Python, loading kernels,
 drawing and running cases, writing results and printing their tables. Beside it stands the processor time, which tells
@@ -46,7 +46,7 @@ def wait(arguments: tuple[str, ...], cache: str | None = None) -> tuple[float, f
 
 
 def run(arguments: tuple[str, ...], cases: int, cache: str | None = None) -> tuple[float, float, str]:
-    """Return the same of `parcours run` with so many cases."""
+    """Return the same of `parcours run` with this many cases."""
     with tempfile.TemporaryDirectory() as folder:
         more = ("--cases", str(cases), "--out", f"{folder}/out", "--fail-if", "errors > 0")  # cases may fail
         return wait(("run", *arguments, *more), cache)
@@ -66,7 +66,7 @@ def line(what: str, taken: float, used: float, bound: float | None, more: str = 
 def main() -> None:
     """Print a line for each start."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tries", type=int, default=3, help="the best of so many warm starts counts")
+    parser.add_argument("--tries", type=int, default=3, help="the best of this many warm starts counts")
     parser.add_argument("--no-cold", action="store_true", help="leave out the cold start")
     chosen = parser.parse_args()
     if chosen.tries < 1:

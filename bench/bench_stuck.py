@@ -38,9 +38,9 @@ CHANGES: dict[str, dict[str, Any]] = {
 
 ASKED: dict[str, Callable[[Facts], NDArray[np.bool_]]] = {
     "stuck (flag at the end)": lambda facts: published(facts).stuck,
-    "stood for ever": lambda facts: np.asarray(outcomes(facts) == Outcome.STUCK),
+    "stopped for good": lambda facts: np.asarray(outcomes(facts) == Outcome.STUCK),
     "goal reached": lambda facts: published(facts).reached,
-    "robot closed a contact": touched,
+    "robot caused a collision": touched,
 }
 
 
@@ -74,7 +74,7 @@ def main() -> None:
         if not first:
             stands = outcomes(facts) == Outcome.STUCK
             met = (facts["min_clearance"] <= 0.0)[stands].mean()
-            said = f"of those that stood for ever, an obstacle had touched {met:.1%}\n"
+            said = f"of those that stopped for good, an obstacle had touched {met:.1%}\n"
             pointless = (facts["time_left"] < 0.11) & published(facts).stuck
             said += f"of the stuck, {pointless.sum()} of {published(facts).stuck.sum()} had a trajectory of one point\n"
             said += folders_2_to_8(facts) if given.protocol == "published" else ""

@@ -3,7 +3,7 @@
 python bench/bench_system.py --cases 905 --seed 0
 
 Processor time of one core, compiled kernels on disk, best of several runs. `published` is the paper's case: one static
-second and 20 s, ended by reaching the goal. `watched on` is what `parcours run ramp_system` does: a robot that is not
+second and 20 s, ended by reaching the goal. `observed` is what `parcours run ramp_system` does: a robot that is not
 there yet is watched for up to 40 s more. The ratio to real time counts what was really simulated, not the 21 s a case
 may last. Facts and measures of every case are included, and so is drawing the case, which is also shown by itself.
 
@@ -117,11 +117,11 @@ def limit(study: SystemStudy, facts: NDArray[np.void], cases: int, rate: float, 
 
 
 def main() -> None:
-    """Time both schedules, published and watched on, and compare; the last line is for machines."""
+    """Time both schedules, published and observed further, and compare; the last line is for machines."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=PUBLISHED_CASES, help="cases a schedule")
     parser.add_argument("--seed", type=int, default=0, help="campaign seed")
-    parser.add_argument("--tries", type=int, default=3, help="the best of so many runs counts")
+    parser.add_argument("--tries", type=int, default=3, help="the best of this many runs counts")
     chosen = parser.parse_args()
     for option in ("cases", "tries"):
         if getattr(chosen, option) < 1:
@@ -139,13 +139,13 @@ def main() -> None:
         short = dataclasses.replace(study, watched_on=0.0)
         rate, facts = rates(short, "published", chosen.cases, chosen.tries)
         published[schedule] = short, facts, rate
-        rates(study, "watched on", chosen.cases, chosen.tries)
+        rates(study, "observed", chosen.cases, chosen.tries)
     drawing = drawing_time(published[DEFAULT][0], chosen.cases, chosen.tries) / chosen.cases
     share = drawing * published[DEFAULT][2]
     print(
         f"drawing a case from its number: {1e3 * drawing:.3f} ms of these, {share:.0%} of a published case ({DEFAULT})"
     )
-    print(f"published: 1 + 20 s at most, over when the goal is reached; watched on: up to {WATCHED_ON:.0f} s more\n")
+    print(f"published: 1 + 20 s at most, over when the goal is reached; observed: up to {WATCHED_ON:.0f} s more\n")
 
     speeds = {"in vectors": tests_a_second(count_hits), "one at a time": tests_a_second(first_hit)}
     print(

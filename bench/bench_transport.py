@@ -4,7 +4,7 @@ python bench/bench_transport.py --trips 2000
 
 One process sends a message, the other sends it back: 1 KB, as a command of RAMP's control has, and 50 KB, as a request
 to evaluate trajectories. Everything idles otherwise: the one that waits sleeps in the operating system, as nodes do,
-except where a transport can only be asked again and again, which is said. Libraries that are not installed are named;
+except where a transport can only be polled (noted in the output). Libraries that are not installed are named;
 Parcours needs none of them.
 """
 

@@ -103,7 +103,7 @@ def test_a_message_of_the_wrong_size_is_an_error_with_the_line_of_its_channel(bi
         order = Order(str(binding), str(tmp_path), system=(0,), protocol="empty")
         result = next(ForeignStudy(host, order).run())
     assert result.judged.judgement.verdict is Verdict.ERROR
-    assert re.search(r"binding.yaml:\d+: channel 'command': .*these 3 bytes are none", result.judged.judgement.why)
+    assert re.search(r"binding.yaml:\d+: channel 'command': .*these 3 bytes are not one", result.judged.judgement.why)
     assert result.seconds < WITHIN
 
 

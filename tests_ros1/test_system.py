@@ -11,7 +11,7 @@ from parcours_ramp.system.live_results import rejudge
 
 PARCOURS = (sys.executable, "-m", "parcours")
 CASES = 10
-KNOWN = ("goal reached", "the goal was not reached", "the moving robot", "an obstacle rests")
+KNOWN = ("goal reached", "the goal was not reached", "the robot drove", "an obstacle rests")
 SECONDS = 5.0
 """Of each case, after the second in which nothing moves: long enough to plan, drive, and meet obstacles."""
 

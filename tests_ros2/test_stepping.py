@@ -149,10 +149,9 @@ def test_a_run_is_repeated_to_the_last_bit() -> None:
     assert ways[0][-1][0] > 1.0
 
 
-def test_nodes_that_are_not_there_are_named(participant: Participant, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("parcours.run.hosts.ros2.stepping._DISCOVERY", 0.2)
+def test_nodes_that_are_not_there_are_named(participant: Participant) -> None:
     with pytest.raises(HostFailure, match=r"/nobody serve none.*ros2-sim-time"):
-        SteppedClock(participant, ["/nobody"])
+        SteppedClock(participant, ["/nobody"], discovery=0.2)
 
 
 def test_a_node_that_dies_is_named(participant: Participant) -> None:

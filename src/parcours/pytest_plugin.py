@@ -73,7 +73,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Add one item a case; -k, -m and xdist see them like any other."""
+    """Add one item per case; -k, -m and xdist see them like any other."""
     if not _is_asked(config):
         return
     from parcours.errors import ParcoursError

@@ -168,7 +168,7 @@ class _System:
         return digits if digits[0] != "0" else str(int(digits))
 
     def no_transition(self, line: str) -> NoReturn:
-        remedy = "write (from, label, to), one a line"
+        remedy = "write (from, label, to), one per line"
         if re.match(r"\(\s*[0-9]+\s*,.*,\s*[0-9]+\s+[0-9]+/", line[:1000]):
             remedy = _PROBABLE
         self.refuse(f'must be a transition, as (0, "a", 1), but is {_shown(line)}', remedy)

@@ -140,7 +140,7 @@ def write(cefsm: Cefsm) -> Writing:
     models, losses = parted(cefsm)
     more = Losses()
     if len(models) > 1:
-        what = "GraphWalker reads one graph a file; its machines are groups here, to be cut apart"
+        what = "GraphWalker reads one graph per file; its machines are groups here, to be cut apart"
         more.add(f"model {cefsm.name!r}", 0, what)
     elif models[0].name != cefsm.name:
         more.add(f"model {cefsm.name!r}", 0, f"its name is that of its only machine, {models[0].name!r}")

@@ -1,6 +1,6 @@
 """The facts of one navigation case that a judge needs, as the world or the host of the planner has measured them.
 
-One record a case. Times are nanoseconds from the start of the case; NEVER stands for what did not happen.
+One record per case. Times are nanoseconds from the start of the case; NEVER stands for what did not happen.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FACTS = np.dtype(
         ("heading", "f8"),  # [rad]
         ("to_goal", "f8"),  # distance to the goal then [m]
         ("t_goal", "i8"),  # goal first reached [ns]
-        # clearance a robot on the goal would have when all obstacles rest [m]; -inf: nobody could get there in time
+        # clearance a robot on the goal would have when all obstacles rest [m]; -inf: no robot could get there in time
         ("goal_gap", "f8"),
         ("feasible", "i8"),  # 1 if the planner called its last published trajectory feasible
         ("time_left", "f8"),  # time stamp of that trajectory's last sample [s]
@@ -27,15 +27,15 @@ FACTS = np.dtype(
         ("n_halts", "i8"),  # times the signal came on
         ("halted_time", "i8"),  # how long it was on [ns]
         ("t_last_moving", "i8"),  # last time the robot moved before the end [ns]
-        ("t_goal_after", "i8"),  # goal reached when the case was watched on beyond its end [ns]
+        ("t_goal_after", "i8"),  # goal reached after the end of the test [ns]
         ("moved_after", "i8"),  # 1 if the robot moved again then
         ("t_contact", "i8"),  # first contact [ns]
-        ("t_robot_contact", "i8"),  # first contact whose gap the robot closed alone [ns], also while watched on
-        ("t_shared_contact", "i8"),  # ... that both closed [ns]
+        ("t_robot_contact", "i8"),  # first contact that the robot alone caused [ns], also after the end
+        ("t_shared_contact", "i8"),  # ... that both caused [ns]
         ("n_robot_contacts", "i8"),
         ("n_shared_contacts", "i8"),
-        ("n_contacts_after", "i8"),  # contacts after the end whose gap the robot closed, alone or not, while watched on
-        ("n_obstacle_contacts", "i8"),  # contacts that the obstacle closed alone, or that found the robot at rest
+        ("n_contacts_after", "i8"),  # contacts after the end that the robot caused, alone or not
+        ("n_obstacle_contacts", "i8"),  # contacts that the obstacle alone caused, or with the robot at rest
         ("min_clearance", "f8"),  # least gap to any obstacle before the end [m]; negative is overlap
         ("t_min_clearance", "i8"),  # [ns]
         ("travelled", "f8"),  # length of the robot's way [m]
@@ -64,3 +64,10 @@ shape (n, n_obstacles, 2) [m]."""
 
 TRACK_PERIOD = 50_000_000
 """Time between two entries of a track [ns]."""
+
+UNITS = {
+    **{name: "ns" for name in FACTS.names or () if name.startswith("t_") or name == "halted_time"},
+    **dict.fromkeys(("x", "y", "to_goal", "goal_gap", "min_clearance", "travelled"), "m"),
+    "heading": "rad", "time_left": "s",
+}  # fmt: skip
+"""The units of facts that have one, by name."""

@@ -1,7 +1,7 @@
 """What became of a case: the paper's four results by the published rule, and a sound verdict beside them.
 
 The published rule (section VI-B, and the harness behind it) looks at flags at the end of the test. The sound rule asks
-the world: was the goal ever reached, who closed the gap at a contact, did a halted robot ever move again.
+the world: was the goal ever reached, who caused a contact, did a halted robot ever move again.
 """
 
 from __future__ import annotations
@@ -76,17 +76,17 @@ class Outcome(IntEnum):
     """The sound outcome of a case; the first that holds, in this order (but an ERROR before all)."""
 
     COLLIDED = 0
-    """The robot, moving, closed the gap at a contact, alone or together with the obstacle, while anybody watched."""
+    """The robot caused a collision: at a contact it moved towards the obstacle, whether or not that moved, too."""
     REACHED = 1
     """The goal was reached in time, and latched."""
     UNDER_WAY = 2
     """The goal was reached later, with nothing touched on the way: the true remaining time is known."""
     BLOCKED = 3
-    """An obstacle came to rest on the goal: nobody could stand there; or nobody could have got there in time."""
+    """An obstacle came to rest on the goal, or no robot could have got there in time."""
     STUCK = 4
-    """Halted at the end, and the robot never moved again while it was watched on."""
+    """Halted at the end, and the robot did not move again afterwards."""
     ASTRAY = 5
-    """The goal was not reached while it was watched on either."""
+    """The goal was reached neither during the test nor afterwards."""
     ERROR = 6
     """The planner's own fault ended the case: it raised, hung, died or answered nonsense. Goes before all others."""
 
@@ -101,7 +101,7 @@ VERDICT_OF = dict.fromkeys(Outcome, Verdict.FAIL) | {
 
 
 def touched(facts: Facts) -> Flags:
-    """Return in which cases the moving robot closed the gap at a contact, in time or while it was watched on."""
+    """Return in which cases the robot caused a collision, during the test or afterwards."""
     counts = facts["n_robot_contacts"] + facts["n_shared_contacts"] + facts["n_contacts_after"]
     return np.asarray(counts > 0)
 
@@ -144,8 +144,8 @@ def explain(record: np.void) -> str:
         return f"the planner failed at {seconds['t_end']:.2f} s: {reason or 'no reason was kept'}"
     if outcome is Outcome.COLLIDED:
         closed = [t for t in (record["t_robot_contact"], record["t_shared_contact"]) if t != NEVER]
-        late = ", while it was watched on after the end" if closed and min(closed) > record["t_end"] else ""
-        return f"the moving robot closed the gap and touched an obstacle at {min(closed) * 1e-9:.2f} s{late}"
+        late = ", after the end of the test" if closed and min(closed) > record["t_end"] else ""
+        return f"the robot drove into an obstacle at {min(closed) * 1e-9:.2f} s{late}"
     if outcome is Outcome.REACHED:
         return f"goal reached at {seconds['t_goal']:.2f} s, least clearance {record['min_clearance']:.3f} m"
     if outcome is Outcome.UNDER_WAY:
@@ -160,4 +160,4 @@ def explain(record: np.void) -> str:
         since = f"{seconds['t_last_moving']:.1f} s"
         return f"halted for imminent collision at {place}{hit} since {since}, never moved again"
     gap = f"{record['to_goal']:.2f} m from the goal"
-    return f"at {place}, {gap}, when the test ended, and never arrived while it was watched on"
+    return f"at {place}, {gap}, when the test ended; it did not arrive later, either"

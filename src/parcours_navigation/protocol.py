@@ -62,7 +62,7 @@ class Map:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is the same from the begin to the end of one case."""
+    """What is the same from the start to the end of one case."""
 
     goal: tuple[float, float]  # where to go, (x, y) [m]
     goal_tolerance: float  # as near as this counts as reached [m]

@@ -80,7 +80,16 @@ def edit(path: Path, difference: str) -> None:
     path.write_text(text.replace(old, new), encoding="utf-8")
 
 
-@pytest.mark.parametrize(("name", "least"), [("tutorial-components", 12), ("tutorial-planner-ci", 8), ("studies", 1)])
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("tutorial-components", 12),
+        ("tutorial-planner-ci", 8),
+        ("tutorial-failure", 6),
+        ("tutorial-ros2", 2),
+        ("studies", 1),
+    ],
+)
 def test_what_a_page_says_is_what_happens(name: str, least: int, tmp_path: Path) -> None:
     assert run_page((DOCS / f"{name}.md").read_text(encoding="utf-8"), tmp_path) >= least
 

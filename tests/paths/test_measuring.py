@@ -141,7 +141,7 @@ def test_a_move_of_a_composition_is_the_one_that_leaves_the_configuration() -> N
 
 
 def test_a_move_that_does_not_leave_the_configuration_is_refused() -> None:
-    with pytest.raises(BadRequest, match=r"entry 1: .*leaves '1', but 'tack' is none.*did you mean 'tock'"):
+    with pytest.raises(BadRequest, match=r"entry 1: .*leaves '1', but 'tack' is not one.*did you mean 'tock'"):
         measure(SQUARE, "edge", ["tick", "tack"])
 
 

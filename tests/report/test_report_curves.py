@@ -96,6 +96,6 @@ def test_what_cannot_be_drawn_is_refused(
 
 
 def test_a_long_label_is_broken_so_that_it_fits_beside_its_panel() -> None:
-    words = "contact closed by the moving robot"
+    words = "collision that was caused by the robot"
     figure = curves("", AT, {words: PANELS["stuck"]}, "s")
-    assert words in figure.alt and words not in figure.svg and "contact closed by" in figure.svg
+    assert words in figure.alt and words not in figure.svg and "collision that" in figure.svg

@@ -133,5 +133,5 @@ def test_an_unknown_type_is_said_once_with_what_to_do() -> None:
         compile_binding(binding, MessageTypes(lambda name: None))
     assert str(caught.value) == (
         "eye.yaml:8: a type must be known here, but robot_msgs/Scene of channel 'seen' is not; install its package,"
-        " or name the folder of its .msg and .srv files under 'interfaces' [unknown-message-type]"
+        " or name the folder of its definition under 'interfaces' [unknown-message-type]"
     )

@@ -88,7 +88,7 @@ def test_people_may_write_a_fault_in_more_ways_than_one(line: str, said: str) ->
         ("obstacles", "fault-line", "NAME: KIND"),
         ("obstacles: dorp 30 %", "fault-line", "did you mean 'drop'"),
         ("obstacles: drop 30", "fault-line", "cannot read '30'"),
-        ("obstacles: drop 30 % 40 %", "fault-line", "said twice"),
+        ("obstacles: drop 30 % 40 %", "fault-line", "appears twice"),
         ("obstacles: drop 130 %", "fault-range", "at most 100 %"),
         ("obstacles: drop 0 %", "fault-range", "above 0"),
         ("obstacles: delay", "fault-range", "delay 200 ms"),

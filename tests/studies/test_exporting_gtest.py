@@ -74,7 +74,7 @@ def test_every_case_gets_one_test_under_a_name_of_its_own() -> None:
 
 
 def test_events_of_another_model_are_refused() -> None:
-    with pytest.raises(BadRequest, match=r"'trajectory_request' is none \[export-event\]"):
+    with pytest.raises(BadRequest, match=r"'trajectory_request' is not one \[export-event\]"):
         tables([as_test(case_of())], [CHANNEL], [], "")
     waiting = replace(serialise(interaction_cases()[ABSTRACT])[1], after=(0, 0, 0))
     with pytest.raises(BadRequest, match="export-event"):
@@ -121,7 +121,7 @@ def test_what_is_no_case_of_the_study_is_refused(tmp_path: Path) -> None:
     suite, folder = tmp_path / "suite.jsonl", tmp_path / "out"
     for wrong, complaint in (
         (replace(good, study="ramp_system"), r"only cases of ramp_components .* \[export-study\]"),
-        (replace(good, abstract="nothing"), r"but nothing is none; write the suite again.* \[export-case\]"),
+        (replace(good, abstract="nothing"), r"but nothing is not one; write the suite again.* \[export-case\]"),
         (replace(good, names=("a", *good.names[1:])), r"must have the inputs motion, .* \[export-case\]"),
         (replace(good, values=(good.values[0], 1e6, *good.values[2:])), r"path must lie in its domain, but is 1e\+06"),
         (replace(good, values=(good.values[0], 3.5, *good.values[2:])), r"path must lie in its domain, but is 3.5"),

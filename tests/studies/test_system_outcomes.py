@@ -84,8 +84,8 @@ def test_the_four_slices_are_a_partition_of_the_cases(schedule: str) -> None:
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_every_outcome_is_explained_in_a_sentence_that_fits_it(schedule: str) -> None:
     words = {
-        Outcome.COLLIDED: "touched an obstacle", Outcome.REACHED: "goal reached", Outcome.UNDER_WAY: "s later",
-        Outcome.BLOCKED: "rests on the goal", Outcome.STUCK: "never moved again", Outcome.ASTRAY: "never arrived",
+        Outcome.COLLIDED: "drove into an obstacle", Outcome.REACHED: "goal reached", Outcome.UNDER_WAY: "s later",
+        Outcome.BLOCKED: "rests on the goal", Outcome.STUCK: "never moved again", Outcome.ASTRAY: "did not arrive",
     }  # fmt: skip
     rows = facts(schedule)
     for record, code in zip(rows, outcomes(rows), strict=True):

@@ -54,11 +54,11 @@ def test_a_program_that_dies_is_reported_with_how_and_its_last_words(workshop: W
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
-        ("print('Hello', flush=True)", "must print JSON, one object a line, but printed 'Hello'; write other output"),
-        ("os.write(1, bytes([0, 255, 10]))", r"must print JSON, one object a line, but printed '\\x00\\\\xff'"),
-        ("os.write(1, b'\\n')", "must print JSON, one object a line, but printed ''"),
-        ("os.write(1, b'[' * 90000 + b'\\n')", r"must print JSON, one object a line, but printed '\[{70,}\.\.\.'"),
-        ("print('NaN', flush=True)", "must print JSON, one object a line, but printed 'NaN'"),
+        ("print('Hello', flush=True)", "must print JSON, one object per line, but printed 'Hello'; write other output"),
+        ("os.write(1, bytes([0, 255, 10]))", r"must print JSON, one object per line, but printed '\\x00\\\\xff'"),
+        ("os.write(1, b'\\n')", "must print JSON, one object per line, but printed ''"),
+        ("os.write(1, b'[' * 90000 + b'\\n')", r"must print JSON, one object per line, but printed '\[{70,}\.\.\.'"),
+        ("print('NaN', flush=True)", "must print JSON, one object per line, but printed 'NaN'"),
         ("say(tok='b1')", 'must answer with `sent` or `took`, but printed \'{"tok": "b1"}\''),
         ("print('[]', flush=True)", r"must answer with `sent` or `took`, but printed '\[\]'"),
         ("say(took='b1', woke=1)", "must answer with `sent` or `took`, but printed"),
@@ -101,7 +101,7 @@ def test_a_program_that_says_more_than_its_answer_fails_at_once_and_not_in_the_n
         ("say(hello='Bolt')", "must say that it is the component Bolt, but printed"),
         ("say(reset=True)", "must answer with `hello`, but printed"),
         ("say(hello={'component': 'Bolt'}); hear('reset'); say(reset=False)", "must answer `reset` with true"),
-        ("print('Bolt 1.0', flush=True)", "must print JSON, one object a line, but printed 'Bolt 1.0'"),
+        ("print('Bolt 1.0', flush=True)", "must print JSON, one object per line, but printed 'Bolt 1.0'"),
     ],
 )
 def test_a_program_that_greets_in_another_way_is_quoted(workshop: Workshop, answers: str, why: str) -> None:

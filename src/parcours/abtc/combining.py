@@ -57,7 +57,7 @@ class DroppedCombination:
 
 @dataclass(frozen=True, slots=True)
 class Combinations:
-    """What RCC keeps of an interaction path, and which candidates of one path a component it drops."""
+    """What RCC keeps of an interaction path, and which candidates of one path per component it drops."""
 
     kept: tuple[Combination, ...]
     dropped: tuple[DroppedCombination, ...]

@@ -50,7 +50,7 @@ class Orders:
 
 
 def parse_orders(text: str) -> Orders:
-    """Return what `all`, `N`, `pct:d` or `pct:d:N` asks for. Raises BadRequest if it is none of them.
+    """Return what `all`, `N`, `pct:d` or `pct:d:N` asks for. Raises BadRequest if it is something else.
 
     >>> parse_orders("pct:3:20")
     Orders(kind='pct', number=20, depth=3)

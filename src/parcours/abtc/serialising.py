@@ -243,7 +243,7 @@ def _drawn(path: InternalPath) -> str:
 
 
 def notation(of: AbstractCase | Combination, title: str = "") -> str:
-    """Return a combination in the notation of Table V, one visit a line.
+    """Return a combination in the notation of Table V, one visit per line.
 
     The paper draws the double bar above the arrow between two references: they run concurrently, in this order.
     Here that arrow is `-||->`; paths that share a visit stand in braces. Of a case the start vector is added where

@@ -1,6 +1,6 @@
 """Rearranges the visits of a serialised case: some once more by the environment, or all of a component as one instance.
 
-an instance a visit           one instance a case
+an instance per visit         one instance per case
 Client#0  ask!  ok?           Client  ask!       ok?  ask!       ok?
 Server    ask?      ok!       Server       ask?  ok!
 Client#2  ask!           ok?  tester                       ask?  ok!
@@ -150,7 +150,9 @@ def _ordered(
         sorter.prepare()
     except CycleError as error:
         rule = f"visits of one instance must follow each other, but events {error.args[1]} wait for each other"
-        raise BadSuite("serialised case", rule, "run it with an instance a visit", slug="serialisation-stuck") from None
+        raise BadSuite(
+            "serialised case", rule, "run it with one instance per visit", slug="serialisation-stuck"
+        ) from None
     while sorter.is_active():
         ready = sorted([*ready, *sorter.get_ready()])
         sorter.done(ready[0])

@@ -33,8 +33,11 @@ COMMANDS = {
     "recording": "What a recording of a run holds; one format into the other.",
     "judge": "Recordings of runs, judged again.",
     "report": "Results of runs as tables, HTML and JUnit.",
+    "results": "Ask the results of a run: by groups, conditions, SQL; as Parquet.",
     "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
+    "history": "A file with a line a run, to which CI appends: rates over time.",
+    "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "compile": "Compile all kernels now, on all processors.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""
@@ -73,7 +76,7 @@ def _line(command: click.Command) -> str:
 def parcours() -> None:
     """Turn a model of behaviour into executed, judged, replayable tests of systems that run in real time.
 
-    Exit codes of all commands: 0 all passed, 1 something failed, 2 the question was wrong, 3 inconclusive only, 130
+    Exit codes of all commands: 0 all passed, 1 something failed, 2 wrong usage, 3 inconclusive only, 130
     interrupted.
 
     Example: parcours new mine && parcours run mine --out out/mine

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 @click.option("--sequences", type=click.Choice(["count", "sample", "all"]),
               help="Serialised execution sequences (APSESCC) of each combination, or of --case.")  # fmt: skip
 @count("--number", default=10, help="How many sequences to sample.")
-@count("--seed", default=1, least=0, most=2**63 - 1, help="Of the sample.")
+@count("--seed", default=1, least=0, most=2**63 - 1, help="Seed of the sample.")
 @as_json
 def command(
     file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool,
     sequences: str | None, number: int, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Print interactions, combinations and abstract test cases, one a line, however many there are.
+    """Print interactions, combinations and abstract test cases, one per line.
 
     A model without any case is an error: exit code 2, with the line of the model file that would give one.
 

@@ -10,9 +10,9 @@ from parcours.cli.options import workers
 @click.command("compile")
 @workers
 def command(workers: int) -> None:
-    """Compile all that Parcours compiles for this machine, once, on all processors; e.g. when an image is built.
+    """Compile all kernels for this machine, once, on all processors, for example in an image.
 
-    Any command compiles what it needs and finds missing. PARCOURS_CACHE_DIR says where machine code is kept.
+    Any command compiles the missing kernels that it needs. PARCOURS_CACHE_DIR says where machine code is kept.
 
     Example: parcours compile
     """

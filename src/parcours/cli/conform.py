@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 @click.argument("trace", type=PATH)
 @click.option("--model", type=StudyFile("model"), required=True, help="The model file, or a study that has one.")
 @click.option("--component", "components", multiple=True, help="Follow this component only; repeatable. [default: all]")
-@choice("--observes", "transitions", "messages", help="Whether the trace names transitions, or only messages count.")
-@click.option("--quiet", "quiet", multiple=True, metavar="CHANNEL=MS", help="A message owed there may take so long.")
-@click.option("--until", type=click.FloatRange(0.0), help="How long the system was watched [ms]. [default: last event]")
+@choice("--observes", "transitions", "messages", help="Whether the trace names transitions, or only messages.")
+@click.option("--quiet", "quiet", multiple=True, metavar="CHANNEL=MS", help="How long an expected message may take.")
+@click.option("--until", type=click.FloatRange(0.0), help="Length of the observation [ms]. [default: last event]")
 @click.option("--unmodelled", multiple=True, metavar="CHANNEL", help="Sends there need no transition; repeatable.")
 @click.option("--conversations", is_flag=True, help="An answer counts for the latest question only.")
-@count("--hidden", default=2000, help="Most states followed through steps nobody sees.")
+@count("--hidden", default=2000, help="Most states followed through unobserved steps.")
 @as_json
 def command(
     trace: Path, model: Path, components: tuple[str, ...], observes: str, quiet: tuple[str, ...], until: str | None,

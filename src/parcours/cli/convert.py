@@ -12,14 +12,14 @@ from parcours.cli.options import PATH, as_json, print_json
 @click.command("convert")
 @click.argument("source", metavar="IN", type=PATH)
 @click.argument("target", metavar="OUT", type=PATH)
-@click.option("--from", "source_format", default="", help="Format of IN, where its suffix does not tell it.")
-@click.option("--to", "target_format", default="", help="Format of OUT, where its suffix does not tell it.")
+@click.option("--from", "source_format", default="", help="Format of IN, if its suffix does not show it.")
+@click.option("--to", "target_format", default="", help="Format of OUT, if its suffix does not show it.")
 @as_json
 def command(source: Path, target: Path, source_format: str, target_format: str, as_json: bool) -> None:
-    """Write the model in IN to OUT, and say what either side cannot.
+    """Write the model in IN to OUT, and report what either format cannot express.
 
     Formats: native (our YAML), uppaal, scxml, graphwalker, graphml, dot, aut; out also plantuml and mermaid.
-    OUT is written whole or not at all; losses are no errors.
+    OUT is written whole or not at all; losses are not errors.
 
     Example: parcours convert train.xml train.yaml
     """

@@ -32,7 +32,7 @@ def command() -> None:
 @data_file
 @click.option("--criterion", default="each_choice", show_default=True, help="How blocks are combined.")
 @count("--rows", most=1_000_000, help="How many rows; by default one set of the criterion.")
-@click.option("--must", type=PATH, help="Table of rows that must be there, and count.")
+@click.option("--must", type=PATH, help="Table of rows to include; they count towards the criterion.")
 @click.option("--boundaries", is_flag=True, help="Values on, just inside and just outside the ends of the blocks.")
 @click.option("--budget", type=click.FloatRange(0.0, 86_400.0), help="Seconds to search; by default a fixed effort.")
 @seed
@@ -117,7 +117,7 @@ def _print_rows(chosen: RowSelection, values: NDArray[np.float64]) -> None:
 
 @command.command("measure")
 @click.argument("table", type=PATH)
-@click.option("--model", "file", required=True, type=PATH, help="Whose blocks and rules are meant.")
+@click.option("--model", "file", required=True, type=PATH, help="Input model with the blocks and rules.")
 @count("--strength", default=2, most=6, help="How many inputs are combined.")
 @count("--show", default=20, least=0, most=1_000_000, help="How much to list.")
 @as_json
@@ -157,7 +157,7 @@ def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bo
 @data_file
 @as_json
 def compare_criteria(file: Path, as_json: bool) -> None:
-    """Say how many rows each combination criterion takes, and the fewest it could take.
+    """Print how many rows each combination criterion takes, and the least possible number.
 
     Example: parcours data criteria domains.yaml
     """
@@ -187,7 +187,7 @@ def find_landing(study: str, cases: int | None, settings: tuple[str, ...], seed:
     """Say which blocks of a component study's test data change a message that a component receives.
 
     Each case is executed in simulated time, and again with one value replaced by one of another block. What changes
-    nothing is listed by name, with the abstract cases that do not feel it, and further cases in which it lands.
+    nothing is listed by name, with the abstract cases that it does not affect, and further cases that it does.
 
     Example: parcours data landing examples/lift
     """
@@ -238,7 +238,7 @@ def _print_landing(study: str, landing: Landing) -> None:
 @click.argument("source", type=PATH)
 @click.argument("target", type=PATH)
 def convert(source: Path, target: Path) -> None:
-    """Turn a PICT model (.pict, .txt) into an input model (.yaml, .yml), or back, and say what is lost.
+    """Turn a PICT model (.pict, .txt) into an input model (.yaml, .yml), or back, and report what is lost.
 
     Example: parcours data convert printer.pict printer.yaml
     """
@@ -255,7 +255,7 @@ def convert(source: Path, target: Path) -> None:
 
 
 def _read(path: Path) -> DataReading:
-    """Return the input model of a file; what of the file it lacks is said on standard error."""
+    """Return the input model of a file; what it lacks of the file is reported on standard error."""
     from parcours.data.formats import read_data
 
     reading = read_data(path)

@@ -16,7 +16,7 @@ from parcours.cli.options import PATH, as_json, print_json, print_rows
 def command(name: str | None, folder: Path | None, as_json: bool) -> None:
     """List the shipped examples, or copy the one called NAME into FOLDER (by default, one of its name).
 
-    What an example takes from its neighbours is copied with it. Nothing is overwritten.
+    Files that an example shares with others are copied, too. Nothing is overwritten.
 
     Example: parcours example
 

@@ -26,7 +26,7 @@ def command() -> None:
 @set_parameters
 @click.option("--refer", is_flag=True, help="Let the script read the suite file, and check it, instead of holding it.")
 def export_pytest(suite: Path, out: Path, study: str, settings: tuple[str, ...], refer: bool) -> None:
-    """Write one test a case, its id naming the abstract case and the row; a failure explains itself.
+    """Write one test per case, its id naming the abstract case and the row; a failure explains itself.
 
     Example: parcours export pytest suite.jsonl --out test_suite.py
 

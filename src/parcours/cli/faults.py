@@ -12,7 +12,7 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, set_par
 @click.command("faults")
 @click.argument("study")
 @set_parameters
-@count("--cases", default=5, most=1000, help="How many cases a fault.")
+@count("--cases", default=5, most=1000, help="How many cases per fault.")
 @click.option("--only", default="", help="Only faults whose line contains this: a channel, a component, a kind.")
 @click.option("--list", "listed", is_flag=True, help="Print the catalogue and run nothing.")
 @seed
@@ -23,7 +23,7 @@ def command(
     study: str, settings: tuple[str, ...], cases: int, only: str, listed: bool, seed: int, workers: int,
     out: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Strike a study's channels and components, one fault at a time, and see what becomes of its cases.
+    """Inject one fault at a time into a study's channels and components, and see how its cases end.
 
     Example: parcours faults examples/lift --only Door --cases 10 --out out/faults
     """

@@ -23,7 +23,7 @@ Decided = tuple[str, str, "Executability"]
 @click.option("--criterion", default="edge", show_default=True, help="What to cover: node, edge, edge-pair, prime, ...")
 @click.option("--component", default="", help="Only this component.")
 @click.option("--machine", default="", help="Only this machine.")
-@count("--budget", default=10_000, help="Most work for all machines together; a unit takes some 1 ms.")
+@count("--budget", default=10_000, help="Most work for all machines together; a unit takes about 1 ms.")
 @click.option("--anywhere", is_flag=True, help="Let paths end anywhere, not only where a test may end.")
 @seed
 @as_json

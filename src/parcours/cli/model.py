@@ -24,7 +24,7 @@ def command() -> None:
 def check(file: Path, as_json: bool) -> None:
     """Report everything that is wrong or doubtful in a model; exit code 2 if there are errors.
 
-    Of a file of another tool it also says what the model does not hold.
+    For another tool's file it also reports what the model cannot express.
 
     Example: parcours model check examples/lift/model.yaml
     """

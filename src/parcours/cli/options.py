@@ -82,7 +82,7 @@ fail_if = click.option(
 )  # fmt: skip
 baseline = click.option(
     "--baseline", type=PATH, metavar="FOLDER",
-    help="Exit 1 if a rate got worse than in that run beyond chance. Verdicts of cases then do not decide.",
+    help="Exit 1 if a rate got significantly worse than in that run. Verdicts of cases then do not decide.",
 )  # fmt: skip
 
 
@@ -91,7 +91,7 @@ def workers(function: F) -> F:
     from parcours.study.parameters import workers_parameter
 
     range, default = click.IntRange(1, 1024), workers_parameter().default
-    return click.option("--workers", type=range, default=default, show_default="one a processor", help="Processes.")(
+    return click.option("--workers", type=range, default=default, show_default="one per processor", help="Processes.")(
         function
     )
 
@@ -145,7 +145,7 @@ def parameter_options(parameters: Sequence[Parameter]) -> list[click.Option]:
     return [
         click.Option(
             [one.option, one.name], type=_Value(one), default=one.default, help=one.help(),
-            show_default="one a processor" if one.name == "workers" else one.default != "",
+            show_default="one per processor" if one.name == "workers" else one.default != "",
             metavar="|".join(filter(None, one.choices)) or None,
         )
         for one in parameters

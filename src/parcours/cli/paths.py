@@ -51,7 +51,7 @@ def command(
 ) -> None:  # fmt: skip
     """Print few short paths through each machine that meet a criterion, and how far they are from the optimum.
 
-    A file of runs has one sequence of transitions a line; what `parcours walk --out` writes is read, too.
+    A file of runs has one sequence of transitions per line, as `parcours walk --out` writes it, too.
 
     Example: parcours paths model.yaml --criterion prime --component Planner
     """

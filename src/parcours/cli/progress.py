@@ -11,7 +11,7 @@ PERIOD = 10.0
 """Least time between two lines about the same work [s]."""
 
 Report = Callable[[str, int, int], None]
-"""Reports (what, how many are done, how many in all)."""
+"""Reports (what, how many are done, how many in all); a second line of `what` says what came of it so far."""
 
 
 @contextmanager
@@ -22,6 +22,7 @@ def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
         clock: tells the time [s]; it decides only when a line is printed, and what it says of time.
     """
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
@@ -37,9 +38,11 @@ def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
     with Progress(*columns, console=console) as display:
 
         def report(what: str, done: int, total: int) -> None:
+            what, _, so_far = what.partition("\n")
             if what not in bars:
                 bars[what] = display.add_task(what, total=total)
-            display.update(bars[what], completed=done)
+            shown = f"{what} ({so_far})" if so_far else what
+            display.update(bars[what], completed=done, description=escape(shown))
 
         yield report
 
@@ -54,12 +57,14 @@ class _Work:
     done: int
     total: int
     printed: float
+    so_far: str = ""
     is_printed: bool = False
 
     def show(self, now: float) -> None:
         import click
 
-        click.echo(progress_line(self.what, self.done, self.total, now - self.began, self.done_before), err=True)
+        line = progress_line(self.what, self.done, self.total, now - self.began, self.done_before)
+        click.echo("; ".join(filter(None, (line, self.so_far))), err=True)
         self.printed, self.is_printed = now, True
 
 
@@ -71,11 +76,12 @@ class _Lines:
         self._works: dict[str, _Work] = {}
 
     def report(self, what: str, done: int, total: int) -> None:
+        what, _, so_far = what.partition("\n")
         now = self._clock()
         is_first = what not in self._works
         work = self._works.setdefault(what, _Work(what, now, done, done, total, now))
         work.is_printed = work.is_printed and (done, total) == (work.done, work.total)
-        work.done, work.total = done, total
+        work.done, work.total, work.so_far = done, total, so_far
         if is_first or (not work.is_printed and (now - work.printed >= PERIOD or done == total)):
             work.show(now)
 

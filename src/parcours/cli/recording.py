@@ -14,7 +14,7 @@ from parcours.cli.options import PATH
 @click.option("--to", "target", type=PATH, help="Write it as this *.mcap or *.bag.")
 @click.option("--trace", "trace_file", type=PATH, help="Write its events as JSON Lines.")
 def command(file: Path, target: Path | None, trace_file: Path | None) -> None:
-    """Tell what a recording (MCAP, ROS 1 bag) of a run holds, and whether it is whole.
+    """Show what a recording (MCAP, ROS 1 bag) of a run holds, and whether it is complete.
 
     Example: parcours recording out/case-17.bag --to out/case-17.mcap
     """

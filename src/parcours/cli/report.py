@@ -30,10 +30,14 @@ def command(
     from parcours.cli.verdicts import conclude, tell
     from parcours.study.finding import read_all
     from parcours.study.gate import parse_condition
+    from parcours.study.reproducing import noted
 
     conditions = [parse_condition(text) for text in fail_if]
     families = read_all(folders, study)
     tell(families, as_json)
+    again = {folder: found for folder in map(str, folders) if (found := noted(Path(folder))) is not None}
+    for folder, one in again.items():
+        click.echo(f"{folder}: {one}", err=as_json)
     if html is not None:
         from parcours.report.page import to_html
         from parcours.report.pieces import Page, Section
@@ -44,6 +48,7 @@ def command(
             for found, results in families
         )
         facts = tuple((folder, one.label) for _, results in families for folder, one in results.items())
+        facts += tuple((f"{folder}, run again", str(found)) for folder, found in again.items())
         write_text(html, to_html(Page(", ".join(found.name for found, _ in families), "", facts, sections)))
         click.echo(f"wrote {html}", err=True)
     conclude(families, conditions, baseline, junit)

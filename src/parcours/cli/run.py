@@ -15,14 +15,27 @@ if TYPE_CHECKING:
 
 _FRESH = (
     "run.json", "cases.jsonl", "components.json", "campaign.json", "shard-*", "live.jsonl", "recordings", "nodes",
-    "results.json", "junit.xml",
+    "results.json", "junit.xml", "stopped.json", "reproduced.json",
 )  # fmt: skip
 """What runs leave in their folders."""
 
 _COMMON = (
     count("--cases", "n_cases", most=100_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
-    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, an id a line."),
+    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, one id per line."),
+    click.option(
+        "--until",
+        multiple=True,
+        metavar="RULE",
+        help='End once enough is known: "stuck ± 0.5%", "contacts < 1e-4"; may be repeated.',
+    ),
+    count("--max-cases", most=100_000_000, help="With --until: how many at most.  [default: 1000000]"),
+    click.option(
+        "--max-time",
+        type=click.FloatRange(0.0, min_open=True),
+        metavar="SECONDS",
+        help="End after so much time, with the cases that are finished.",
+    ),
     seed,
     click.option("--out", type=PATH, required=True, help="Folder for the results; resumed if it holds some."),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),
@@ -62,12 +75,14 @@ def _registered() -> list[Any]:
 
 @click.command(cls=_Studies, name="run", subcommand_metavar="STUDY [OPTIONS]")
 def command() -> None:
-    """Execute a study. Ctrl-C keeps the cases that are finished; the same command goes on from there.
+    """Execute a study. Ctrl-C keeps the cases that are finished; the same command continues from there.
 
     `parcours run STUDY --help` shows the study's own parameters. Exit code 0 if all cases passed, 1 if one failed, 2 if
-    the question was wrong, 3 if cases are inconclusive and none failed, 130 if interrupted.
+    the command was used wrongly, 3 if cases are inconclusive and none failed, 130 if interrupted.
 
     Example: parcours run examples/lift --out out/lift
+
+    Example: parcours run ramp_system --until "stuck +- 0.5%" --max-time 3600 --out out/stuck
 
     Example: parcours run examples/lift --cases 905 --out out/lift --fail-if "failed > 1%" --baseline out/lift-last-week
     """
@@ -93,6 +108,7 @@ def study_command(study: Study, given: str) -> click.Command:
 
 def _run(
     study: Study, settings: dict[str, Any], n_cases: int | None, chosen: tuple[str, ...], cases_from: Path | None,
+    until: tuple[str, ...], max_cases: int | None, max_time: float | None,
     seed: int, out: Path, fresh: bool, junit: Path | None, fail_if: tuple[str, ...], baseline: Path | None,
     as_json: bool,
 ) -> None:  # fmt: skip
@@ -104,21 +120,33 @@ def _run(
     from parcours.study.hosting import isolate
     from parcours.study.journal import discard
     from parcours.study.selection import ids_of
+    from parcours.study.stopping import parse_rule
 
     here = Path.cwd()
     target = out if study.kind == "components" else out.absolute()  # a guest may change the current folder
     conditions = [parse_condition(text) for text in fail_if]
+    rules = [parse_rule(text) for text in until]
     ids = ids_of(chosen, cases_from)
     if ids and n_cases is not None:
         rule = "it counts the first cases, but some were chosen"
         raise BadRequest("--cases", rule, "leave it out", slug="option-study")
+    if until:
+        n_cases = _at_most(n_cases, max_cases, bool(ids))
+    elif max_cases is not None:
+        rule = "it is for runs that end by a rule, but there is none"
+        raise BadRequest("--max-cases", rule, "write --cases, or give --until", slug="option-study")
+    if (until or max_time) and not getattr(study, "stops", False):
+        rule = f"it is for campaigns, but {study.name} is of kind {study.kind}"
+        raise BadRequest("--until" if until else "--max-time", rule, "leave it out", slug="option-study")
     if fresh:
         discard(out, _FRESH)
     isolate(str(settings.get("host", "")), str(settings.get("graph", "")))  # before the progress bar starts a thread
     if getattr(study, "compiles", False):
         say_if_cold()
     with progress() as report:
-        outcome = study.run(Request(settings, seed, target, n_cases, ids), report)
+        outcome = study.run(
+            Request(settings, seed, target, n_cases, ids, tuple(one.text for one in rules), max_time), report
+        )
     os.chdir(here)
     click.echo(outcome.text.replace(str(target), str(out)), err=as_json)
     if outcome.interrupted:
@@ -126,3 +154,16 @@ def _run(
     results = {str(out): study.read(out)}
     tell([(study, results)], as_json)
     conclude([(study, results)], conditions, baseline, junit)
+
+
+def _at_most(n_cases: int | None, max_cases: int | None, chosen: bool) -> int:
+    """Return how many cases a run that ends by a rule has at most. Raises BadRequest: the options contradict."""
+    from parcours.errors import BadRequest
+    from parcours.study.stopping import MOST_CASES
+
+    if chosen:
+        raise BadRequest("--until", "it speaks of all cases, but some were chosen", "leave it out", slug="option-study")
+    if n_cases is not None and max_cases is not None:
+        rule = f"either says how many cases there are at most, but both are given: {n_cases} and {max_cases}"
+        raise BadRequest("--cases and --max-cases", rule, "leave one out", slug="option-study")
+    return n_cases or max_cases or MOST_CASES

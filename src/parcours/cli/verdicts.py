@@ -69,9 +69,20 @@ def _is_worse(compared: Baseline, baseline: Path) -> bool:
     for line in compared.lines():
         click.echo(line, err=True)
     worse = [row.name for row in compared.rows if row.worse]
-    text = f"worse than {baseline} beyond chance: {', '.join(worse)}" if worse else f"no worse than {baseline}"
+    text = f"significantly worse than {baseline}: {', '.join(worse)}" if worse else f"no worse than {baseline}"
     click.echo(f"{'FAILED' if worse else 'ok'}: {text}", err=True)
     return bool(worse)
+
+
+def same_seed(ours: Path, theirs: Path) -> bool:
+    """Return whether two folders say that they are of one seed; True where one does not say."""
+    from parcours.study.journal import RUN, read_question
+
+    if not ((ours / RUN).exists() and (theirs / RUN).exists()):
+        return True
+    one, other = (read_question(folder)["question"] for folder in (ours, theirs))
+    assert isinstance(one, dict) and isinstance(other, dict)
+    return one.get("seed") == other.get("seed")
 
 
 def require_same_cases(ours: Path, theirs: Path) -> None:

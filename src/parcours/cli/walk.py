@@ -40,7 +40,7 @@ def command(
     file: Path, walker: str | None, until: str | None, generator: str | None, path_: str, component: str, machine: str,
     ignore_guards: bool, at_dead_end: str, budget: int, states: bool, out: Path | None, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Walk a model, one step a line, and say at the end what was covered.
+    """Walk a model, one step per line, and say at the end what was covered.
 
     A stop condition joins with 'and', 'or' and parentheses: edge>=100% (any criterion of `parcours paths`), steps>=1e6,
     restarts>=3, 30 s, reached(STATE), taken(TRANSITION), never.

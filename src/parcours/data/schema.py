@@ -1,7 +1,7 @@
 """Reads an input model from a YAML file of format `data/1`: domains, their blocks, and constraints.
 
 The file may be hostile: it is read as plain data of bounded size, numbers and rules through the guard language, and
-everything wrong with it is said at once, each finding with its line. docs/test-data.md describes the format.
+all errors are reported together, each with its line. docs/test-data.md describes the format.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ class _Reader(NodeReader):
             known = [*once] if is_repeated else [domain.name for domain in domains]
             for item, name in named:
                 if name not in known or names.count(name) > 1:
-                    rule = f"a group must name each input once, but {brief(name)} is unknown or doubled"
+                    rule = f"a group must name each input once, but {brief(name)} is unknown or named twice"
                     self.add(item, "group", rule, one_of(name, known[:20]))
             if len(names) < strength:
                 self.add(entry, "group", f"a group must have {strength} inputs or more, but has {len(names)}")
@@ -335,7 +335,7 @@ class _Reader(NodeReader):
             if label in known:
                 found.append(known.index(label))
             else:
-                self.add(item, "block-base", f"{what}: a base must be one of its blocks, but {brief(label)} is none",
+                self.add(item, "block-base", f"{what}: a base must be one of its blocks, but {brief(label)} is not one",
                          one_of(label, known))  # fmt: skip
         return tuple(dict.fromkeys(found)) or (0,)
 
@@ -348,7 +348,7 @@ class _Reader(NodeReader):
     def number(self, node: Node | None, what: str) -> float:
         if isinstance(node, Scalar):
             return self.value(node.text, node, what)
-        self.text(node, what)  # notes that it is none; a missing one was noted before
+        self.text(node, what)  # notes that it is not one; a missing one was noted before
         return 0.0
 
     def value(self, text: str, node: Node, what: str) -> float:
@@ -358,7 +358,7 @@ class _Reader(NodeReader):
             self.add(node, error.slug, f"{error.where}: {error.rule}", error.remedy)
             return 0.0
         if isinstance(found, bool) or not isinstance(found, int | float):
-            self.add(node, "number", f"{what}: a number must stand here, but {brief(text)} is none")
+            self.add(node, "number", f"{what}: a number must stand here, but {brief(text)} is not one")
             return 0.0
         return float(found)
 

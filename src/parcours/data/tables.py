@@ -32,9 +32,9 @@ def read_table(path: Path | str, model: InputModel, titles: Sequence[str] = ()) 
     """Return the values of a file, shape (n_rows, n_inputs).
 
     Args:
-        path: `.json` (an object with `names` and `rows`, as `parcours data draw --json` prints), `.jsonl` (an object a
-            line, its values by name, by themselves or under `values`, as in a suite), else CSV with a header whose
-            cells are parted by tabs, semicolons or commas.
+        path: `.json` (an object with `names` and `rows`, as `parcours data draw --json` prints), `.jsonl` (one object
+            per line, its values by name, by themselves or under `values`, as in a suite), else CSV with a header whose
+            cells are separated by tabs, semicolons or commas.
         model: whose inputs the columns are.
         titles: names of the inputs as PICT prints them; then names match whatever their case, and `~` is no part of
             a value.
@@ -107,7 +107,7 @@ def _lines(path: Path, text: str, names: Sequence[str]) -> Iterator[list[object]
             continue  # the first and the last line of a suite
         values = record.get("values", record) if isinstance(record, dict) else None
         if not isinstance(values, dict):
-            _bad(path, number, "a line must be an object with the values by name, but is none")
+            _bad(path, number, "a line must be an object with the values by name, but is not one")
         _places(path, list(values), names, number)
         yield [values[name] for name in names]
 
@@ -116,7 +116,7 @@ def _json(path: Path, text: str, names: Sequence[str]) -> Iterator[list[object]]
     record = _parsed(path, 0, text)
     header, rows = (record.get(key) if isinstance(record, dict) else None for key in ("names", "rows"))
     if not isinstance(header, list) or not isinstance(rows, list):
-        _bad(path, 0, "a table in JSON must be an object with names and rows, but is none")
+        _bad(path, 0, "a table in JSON must be an object with names and rows, but is not one")
     places = _places(path, header, names)
     for number, row in enumerate(rows, start=1):
         if not isinstance(row, list) or len(row) != len(header):

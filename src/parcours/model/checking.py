@@ -149,14 +149,14 @@ class _Check:
         for channel in self.cefsm.carriers:
             for end in (channel.sender, channel.receiver):
                 if end != ENVIRONMENT and end not in self.components:
-                    rule = f"channel {channel.name!r} must link components, but {end!r} is none"
+                    rule = f"channel {channel.name!r} must link components, but {end!r} is not one"
                     advice = self.advice(end, [ENVIRONMENT, *self.components])
                     self.error(channel.line, "unknown-component", rule, advice)
             if channel.sender == channel.receiver == ENVIRONMENT:
                 rule = f"channel {channel.name!r} must touch a component, but both its ends are the environment"
                 self.error(channel.line, "channel-ends", rule, "delete it")
             if channel.message not in self.classes:
-                rule = f"channel {channel.name!r} must carry a message class, but {channel.message!r} is none"
+                rule = f"channel {channel.name!r} must carry a message class, but {channel.message!r} is not one"
                 self.error(channel.line, "unknown-message", rule, self.advice(channel.message, list(self.classes)))
             if channel.capacity == 0 and channel.sender == channel.receiver and channel.sender in self.lonely:
                 rule = f"a rendezvous joins two machines, but {channel.name!r} has both ends at one"
@@ -174,7 +174,7 @@ class _Check:
                 self.error(line, "interaction", rule)
             for visited in dict.fromkeys(path):
                 if visited not in self.components:
-                    rule = f"interaction {name!r} must visit components, but {visited!r} is none"
+                    rule = f"interaction {name!r} must visit components, but {visited!r} is not one"
                     self.error(line, "unknown-component", rule, self.advice(visited, self.components))
             for here, there in dict.fromkeys(pairwise(path)):
                 if {here, there} <= set(self.components) and (here, there) not in linked:
@@ -182,7 +182,7 @@ class _Check:
                     self.error(line, "interaction", rule, "add the channel or leave out the step")
 
     def formulas(self) -> None:
-        # What refers to something unknown is reported where it is said; its formulas are not looked at before.
+        # What refers to something unknown is reported there; its formulas are not looked at before.
         if errors_among(self.findings):
             return
         for clause in clauses(self.cefsm):
@@ -209,7 +209,7 @@ class _Check:
         for group in machine.exclusive:
             unknown = [id for id in group if id not in known]
             for id in unknown:
-                rule = f"{id!r} must be a transition of {machine.name!r}, but is none"
+                rule = f"{id!r} must be a transition of {machine.name!r}, but is not one"
                 self.error(machine.line, "unknown-transition", rule, self.advice(id, list(known)))
             if unknown:
                 continue
@@ -221,7 +221,7 @@ class _Check:
         if sum(len(group) * (len(group) - 1) // 2 for group in machine.exclusive) > MAX_PAIRS:
             rule = f"at most {MAX_PAIRS} pairs of transitions exclude each other, but {machine.name!r} names more"
             self.error(machine.line, "exclusive", rule, "split the machine")
-        # What is wrong otherwise is said first: guards of unknown names cannot be asked.
+        # Other errors are reported first: guards of unknown names cannot be asked.
         if not errors_among(self.findings):
             self.findings += exclusion_findings(self.scopes, component, machine, self.origin, self.budget)
 
@@ -232,7 +232,7 @@ class _Check:
         for name, verb in used:
             channel = self.channels.get(name)
             if channel is None:
-                rule = f"{transition.id!r} {verb} a channel, but {name!r} is none"
+                rule = f"{transition.id!r} {verb} a channel, but {name!r} is not one"
                 self.error(transition.line, "unknown-channel", rule, self.advice(name, list(self.channels)))
                 continue
             owner = channel.sender if verb == "sends on" else channel.receiver
@@ -292,7 +292,7 @@ class _Check:
         given = self.typed(transition, action.value, types, where)
         target = variables.get(action.target)
         if target is None:
-            rule = f"{where}: only a variable of the component can be assigned, but {action.target!r} is none"
+            rule = f"{where}: only a variable of the component can be assigned, but {action.target!r} is not one"
             self.error(transition.line, "unknown-name", rule, self.advice(action.target, list(variables)))
         elif target.role == "input":
             rule = f"{where}: an input is set by the environment, but {action.target!r} is assigned"

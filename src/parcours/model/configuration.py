@@ -102,7 +102,7 @@ class Layout:
         self.capacity = {channel.name: channel.capacity for channel in cefsm.channels}
         for name in sorted(opened):
             if name not in self.capacity:
-                rule = f"only channels can be opened, but {name!r} is none"
+                rule = f"only channels can be opened, but {name!r} is not one"
                 raise BadRequest("opened", rule, one_of(name, list(self.capacity)), slug="unknown-channel")
         pairs = [(component, machine) for component in cefsm.components for machine in component.machines]
         self.machines = tuple((component.name, machine.name) for component, machine in pairs)

@@ -64,7 +64,7 @@ def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> ForeignModel:
     """Return the reading of a model, each loss once, in the order of the lines.
 
     Raises:
-        BadModel: the model has errors; the message says all of them, one a line.
+        BadModel: the model has errors; the message says all of them, one per line.
     """
     # Doubtful choices, which take long to find, are not looked for: `parcours model check` does that.
     if found := errors(cefsm):

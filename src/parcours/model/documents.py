@@ -1,6 +1,6 @@
 """Parses YAML, which may be hostile, into a tree of nodes that know their lines.
 
-Only plain data passes: no anchors, aliases or tags, no doubled keys, bounded size and nesting. Scalars stay
+Only plain data passes: no anchors, aliases or tags, no duplicate keys, bounded size and nesting. Scalars stay
 text; who reads a node says what kind of value it wants there, so that a state may be called `on` or `1`.
 """
 
@@ -118,7 +118,7 @@ class _Builder:
             raise _refusal(self.origin, 0, "empty", "a model must have content, but the file is empty")
         return root
 
-    # Events, not yaml.load: an alias bomb is refused at its first alias, and a doubled key is seen before it is lost.
+    # Events, not yaml.load: an alias bomb is refused at its first alias, and a duplicate key is seen before it is lost.
     def node(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Node:
         line = _line(event)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:

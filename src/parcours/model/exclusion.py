@@ -67,7 +67,7 @@ def excluded(component: Component) -> Iterator[tuple[Transition, Transition, Exp
 
 def exclusion_findings(scopes: Scopes, component: Component, machine: Machine, origin: str,
                        budget: Budget) -> Iterator[Finding]:  # fmt: skip
-    """Yield where transitions that are said to exclude each other need not, and what cannot be decided.
+    """Yield where transitions that supposedly exclude each other need not, and what cannot be decided.
 
     The guards of the machine must be well typed.
     """

@@ -64,7 +64,7 @@ def errors_among(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def complaint(errors: tuple[Finding, ...]) -> BadModel:
-    """Return one error that says all of at least one finding, one a line."""
+    """Return one error that says all of at least one finding, one per line."""
     first = errors[0]
     if len(errors) == 1:
         return BadModel(first.where, first.message, first.remedy, slug=first.rule)

@@ -29,7 +29,7 @@ _OLD, _LAST, _RECEIVED = "old values", "last messages", "messages received by "
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """A formula and what it is said of."""
+    """A formula and its subject."""
 
     of: Literal["channel", "transition", "component"]
     owner: str

@@ -32,7 +32,7 @@ def read_model(path: str | Path) -> Cefsm:
     """Return the model that a file holds; warnings do not matter here.
 
     Raises:
-        BadModel: the file cannot be read, or the model has errors; the message says all of them, one a line.
+        BadModel: the file cannot be read, or the model has errors; the message says all of them, one per line.
     """
     return _accepted(check_file(path))
 
@@ -44,7 +44,7 @@ def parse_model(text: str, origin: str = "<text>", constants: Mapping[str, float
         constants: other values for some of its `constants:`, for a system with other parameters.
 
     Raises:
-        BadModel: the model has errors; the message says all of them, one a line.
+        BadModel: the model has errors; the message says all of them, one per line.
     """
     return _accepted(check_text(text, origin, constants))
 
@@ -72,7 +72,7 @@ def read(text: str, origin: str) -> ForeignModel:
     """Return the model of a text as a format's reader does: what is doubtful in it is not looked for.
 
     Raises:
-        BadModel: the model has errors; the message says all of them, one a line.
+        BadModel: the model has errors; the message says all of them, one per line.
     """
     model, found = _parsed(text, origin)
     if model is None or found:

@@ -194,7 +194,7 @@ class Cefsm:
     interaction_lines: tuple[int, ...] = field(default=(), compare=False)
     """The line of the file where each of `interactions` stands; empty if the model was not read from text."""
     signals: tuple[Channel, ...] = ()
-    """Links whose messages no transition sends or receives: no behaviour is told of them, but what their data are."""
+    """Links whose messages no transition sends or receives: their data are described, their behaviour is not."""
 
     @property
     def carriers(self) -> tuple[Channel, ...]:

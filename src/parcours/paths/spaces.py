@@ -14,7 +14,7 @@ from parcours.model.steps import StepRelation
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, Machine, Transition
 
 REMEMBERED = 20_000
-"""Most places that are kept for the next visit, or as many as a machine has states; then all are forgotten."""
+"""Most places that are kept for the next visit, or as many as a machine has states; then all are dropped."""
 
 Taken = tuple[tuple[int, Transition], ...]
 """The transitions of one move, the initiator first, each with the place of its machine in `ModelSpace.machines`."""

@@ -43,7 +43,7 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
 
     Args:
         suite: what was run.
-        results: one a case, in the order to list them.
+        results: one per case, in the order to list them.
 
     Raises:
         BadRequest: a duration is negative or not finite.

@@ -119,7 +119,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Paragraphs parted by blank lines, with the marks that prose.py knows; all else is shown as it is."""
+    """Paragraphs separated by blank lines, with the marks that prose.py knows; all else is shown as it is."""
 
     body: str
 

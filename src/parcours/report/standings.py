@@ -32,7 +32,7 @@ def arrivals(title: str, series: Mapping[str, ArrayLike], axis: str, note: str =
     look fast.
 
     Args:
-        series: name -> one value a case in the unit of `axis`, NaN where it has none, shape (n_cases,).
+        series: name -> one value per case in the unit of `axis`, NaN where it has none, shape (n_cases,).
         axis: what the values are, with unit.
 
     Raises:

@@ -12,7 +12,7 @@ def write_text(path: Path, text: str) -> None:
 
     Args:
         path: the file to create or replace.
-        text: what it shall hold; characters that UTF-8 cannot hold (lone surrogates) become question marks.
+        text: what it will hold; characters that UTF-8 cannot hold (lone surrogates) become question marks.
 
     Raises:
         BadRequest: the folder cannot be made or written to, or `path` is a folder.

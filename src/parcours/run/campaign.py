@@ -11,15 +11,17 @@ import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from parcours.errors import BadRequest, ParcoursError
+from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.run.atomic import sweep
 from parcours.run.heartbeat import RunsStrangers
+from parcours.run.keeping import Keeping
 from parcours.run.raised import described
-from parcours.run.store import Campaign, Keeping, Store, create
+from parcours.run.stops import STOP, Stop, read_stop
+from parcours.run.store import Campaign, Rows, Store, create
 from parcours.run.strangers import Simulate, computed, lost_before, resolve
 from parcours.run.workers import Crew, Done, Lost, failure_of
 
@@ -30,6 +32,9 @@ _ATTEMPTS = 2
 
 Progress = Callable[[int, int], None]
 """Called with (cases finished, cases in all) at the start and after every shard."""
+
+Enough = Callable[[Rows], str]
+"""Called with the rows of every shard, in the order of shards; says why these are enough, nothing if they are not."""
 
 
 @runtime_checkable
@@ -48,10 +53,14 @@ class Outcome:
     finished: int
     """Cases whose results are in the folder."""
     interrupted: bool
+    stopped: str = ""
+    """Why no more were computed: a rule is met, or time is over."""
 
     def __str__(self) -> str:
         """Say it in a sentence."""
         total = self.store.campaign.n_cases
+        if self.stopped:
+            return f"stopped after {self.finished} cases, kept in {self.store.folder}: {self.stopped}"
         if not self.interrupted:
             return f"all {total} cases are finished in {self.store.folder}"
         return (
@@ -61,8 +70,9 @@ class Outcome:
 
 
 def run_campaign(
-    simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None
-) -> Outcome:
+    simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
+    enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None,
+) -> Outcome:  # fmt: skip
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C or SIGTERM ends it early.
 
     A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own,
@@ -75,6 +85,11 @@ def run_campaign(
         folder: where the results go; resumed if this very campaign was started there.
         workers: number of processes, at least 1.
         progress: called in this process.
+        enough: called in this process; ends the campaign after the first shard in whose order it says why, for
+            any number of workers. What they had computed beyond it is removed.
+        rules: in words what `enough` goes by; where a folder was begun by others, it may end beyond what is there only.
+        max_time: ends the campaign after so much time [s of wall clock], with the first shards that are finished; None:
+            never.
 
     Raises:
         BadRequest: a count is out of range, `simulate` cannot be found or sent, or the folder cannot be
@@ -94,8 +109,9 @@ def run_campaign(
         raise BadRequest("workers", f"at least one is needed, but {workers} were asked for", slug="count-range")
     function = resolve(simulate) if isinstance(simulate, str) else simulate
     store = create(folder, campaign)
-    missing = store.missing()
-    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in missing)
+    order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, tuple(rules)))
+    missing = () if order.is_enough() else store.missing()
+    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
     report = progress or (lambda done, total: None)
     report(finished, campaign.n_cases)
     task = _ComputeShard(simulate if isinstance(simulate, str) else function, store)
@@ -105,16 +121,93 @@ def run_campaign(
         return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
     try:
-        with terminable(), contextlib.closing(_done(function, task, missing, workers, name)) as done:
+        with (
+            terminable(), _limited(max_time if missing else None),
+            contextlib.closing(_done(function, task, missing, workers, name)) as done,
+        ):  # fmt: skip
             for shard in done:
                 finished += len(campaign.cases(shard))
+                is_enough = order.is_enough()
                 report(finished, campaign.n_cases)
-    except KeyboardInterrupt:
-        left = sum(len(campaign.cases(shard)) for shard in store.missing())
-        return Outcome(store, campaign.n_cases - left, interrupted=True)
+                if is_enough:
+                    break
+    except KeyboardInterrupt as error:
+        left = store.missing()
+        if isinstance(error, _TimeIsOver) and left and left[0]:
+            stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
+            stop.write(folder, campaign)
+            why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
+            return Outcome(store, store.planned, interrupted=False, stopped=why)
+        return Outcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
     finally:
         sweep(folder)  # of what a stopped worker left half-written
+    if order.is_enough():
+        replace(order.stop, cases=campaign.cases(order.next - 1).stop).write(folder, campaign)
+        store.discard(order.next)
+        return Outcome(store, store.planned, interrupted=False, stopped=order.why)
     return Outcome(store, finished, interrupted=False)
+
+
+def _may_stop(store: Store, rules: tuple[str, ...]) -> Stop:
+    """Note that these rules, and no others, may end the campaign; return from which shard on."""
+    noted = read_stop(store.folder, store.campaign)
+    there = max((shard + 1 for shard in store.campaign.shards if store.has(shard)), default=0)
+    stop = Stop(rules, noted.first if noted is not None and noted.rules == rules else there)
+    if rules:
+        stop.write(store.folder, store.campaign)
+    else:
+        (store.folder / STOP).unlink(missing_ok=True)
+    return stop
+
+
+class _InOrder:
+    """Shows finished shards, in their order, to who says whether they are enough.
+
+    ┌───┬───┬───┬───┐
+    │ 0 │ 1 │   │ 3 │   two workers: shard 3 is there before shard 2, and is looked at after it
+    └───┴───┴───┴───┘
+          ^ next - 1
+    """
+
+    def __init__(self, store: Store, enough: Enough, stop: Stop) -> None:
+        self._store, self._enough, self.stop = store, enough, stop
+        self.next, self.why = 0, ""
+
+    def is_enough(self) -> bool:
+        """Look at the shards that are new, and return whether those before `next` are enough."""
+        shards = self._store.campaign.shards
+        while not self.why and self.next < len(shards) and self._store.has(self.next):
+            try:
+                rows = self._store.read(self.next)
+            except BadResults:  # strangers' code has changed it: it is put back in the end
+                break
+            self.next += 1
+            said = self._enough(rows)
+            self.why = said if self.next >= self.stop.first else ""
+        return bool(self.why)
+
+
+class _TimeIsOver(KeyboardInterrupt):
+    """A campaign has taken the time that it was given."""
+
+
+@contextlib.contextmanager
+def _limited(seconds: float | None) -> Iterator[None]:
+    """End the block with _TimeIsOver after so much time [s of wall clock]."""
+    if seconds is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def over(number: int, frame: object) -> None:
+        raise _TimeIsOver
+
+    before = signal.signal(signal.SIGALRM, over)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 @dataclass(frozen=True, slots=True)

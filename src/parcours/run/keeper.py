@@ -50,13 +50,20 @@ def memory_for_each(size: int) -> int:
     return 1 << 62
 
 
+def _data_here() -> int:
+    """Return how much this process has that counts for its limit of data [B]; children share it until they write."""
+    with contextlib.suppress(OSError):
+        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5]) * os.sysconf("SC_PAGE_SIZE")
+    return 0
+
+
 def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[], None]) -> NoReturn:
     """Do the work in a child of this process, and end with it, or when the other end of the lifeline is closed.
 
     Args:
         lifeline: a descriptor to read from.
         others: descriptors that only the child needs.
-        memory: so much the child may have, and each of its helpers [B].
+        memory: so much the child may have beside what it shares with this process, and each of its helpers, too [B].
         work: what the child does; the child ends without cleaning up, since what it would run then is the strangers'.
     """
     assert _LIBC is not None
@@ -65,8 +72,9 @@ def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[],
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    limits = resource.getrlimit(resource.RLIMIT_DATA)
-    if limits[1] == resource.RLIM_INFINITY or memory < limits[1]:
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    memory += _data_here()
+    if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     _LIBC.prctl(_SUBREAPER, 1, 0, 0, 0)
     keeper, (printed, theirs) = os.getpid(), os.pipe()

@@ -26,7 +26,7 @@ class Messages:
         self._said = bytearray()
 
     def read(self, line: int) -> None:
-        """Read what is there, without waiting for more. Raises EOFError, OSError, UnpicklingError."""
+        """Read what has arrived, without waiting for more. Raises EOFError, OSError, UnpicklingError."""
         said = os.read(line, _CHUNK)
         if not said:
             raise EOFError
@@ -40,7 +40,7 @@ class Messages:
         return n >= _BEGUN and n - _BEGUN >= _LENGTH.unpack_from(self._said, len(_MARK))[0]
 
     def take(self) -> tuple[str, Any]:
-        """Take the first message. Raises UnpicklingError, or what a value raises that is none of ours."""
+        """Take the first message. Raises UnpicklingError, or what a foreign value raises."""
         (length,) = _LENGTH.unpack_from(self._said, len(_MARK))
         whole = bytes(self._said[_BEGUN : _BEGUN + length])
         del self._said[: _BEGUN + length]

@@ -10,13 +10,9 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
-import tempfile
-import weakref
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
@@ -24,13 +20,14 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults, HostFailure
 from parcours.run.atomic import sweep, unwritable, write_atomically
+from parcours.run.stops import read_stop
 
 FORMAT = "campaign/1"
 _MANIFEST = "campaign.json"
 _MOST_SHARDS = 1_000_000
 
 Rows = NDArray[np.void]
-"""Results, one record a case, shape (n_cases,)."""
+"""Results, one record per case, shape (n_cases,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +101,11 @@ class Campaign:
             "dtype": json.loads(json.dumps(np.lib.format.dtype_to_descr(self.dtype))),
         }
 
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of the manifest."""
+        return _manifest_sum(self.manifest())
+
 
 class Store:
     """The results of one campaign in one folder. Make it with `create` or `open_results`."""
@@ -112,9 +114,34 @@ class Store:
     #   shard-000000.npy         cases 0..255, one record each
     #   shard-000000.npy.sha256  its sum: this shard is finished
     #   shard-000001.npy         without a sum: the writer was killed here, the shard is computed again
+    # stopped.json               rules that may end it early, and at which case they did: results end there
 
     def __init__(self, folder: Path, campaign: Campaign) -> None:
         self.folder, self.campaign = folder, campaign
+
+    @property
+    def planned(self) -> int:
+        """How many cases it has: those of the campaign, or up to where a rule has ended it.
+
+        Raises BadResults: what says so is damaged, or of another campaign.
+        """
+        stop = read_stop(self.folder, self.campaign)
+        return self.campaign.n_cases if stop is None or stop.cases is None else stop.cases
+
+    @property
+    def shards(self) -> range:
+        """The numbers of the shards of these cases."""
+        return range(-(-self.planned // self.campaign.shard_size))
+
+    def has(self, shard: int) -> bool:
+        """Return whether a shard is finished."""
+        return _sum(self.path(shard)).exists()
+
+    def discard(self, first: int) -> None:
+        """Remove the shards from one on."""
+        for shard in self.campaign.shards[first:]:
+            for path in (_sum(self.path(shard)), self.path(shard)):
+                path.unlink(missing_ok=True)
 
     def path(self, shard: int) -> Path:
         """Return where a shard's array lies; its sum lies beside it, with .sha256 appended."""
@@ -122,7 +149,7 @@ class Store:
 
     def missing(self) -> tuple[int, ...]:
         """Return the shards that are still to be computed."""
-        return tuple(shard for shard in self.campaign.shards if not _sum(self.path(shard)).exists())
+        return tuple(shard for shard in self.shards if not self.has(shard))
 
     def write(self, shard: int, rows: Rows) -> None:
         """Write the results of a shard's cases, shape (len(cases),).
@@ -175,7 +202,7 @@ class Store:
 
     def __iter__(self) -> Iterator[Rows]:
         absent = set(self.missing())
-        return (self.read(shard) for shard in self.campaign.shards if shard not in absent)
+        return (self.read(shard) for shard in self.shards if shard not in absent)
 
     def load(self, *, partial: bool = False) -> Rows:
         """Return the results of all cases in order, shape (n_cases,).
@@ -188,76 +215,11 @@ class Store:
         """
         absent = self.missing()
         if absent and not partial:
-            total = len(self.campaign.shards)
+            total = len(self.shards)
             rule = f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
             raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
         parts = list(self)
         return np.concatenate(parts) if parts else np.zeros(0, self.campaign.dtype)
-
-
-_copies: weakref.WeakSet[IO[bytes]] = weakref.WeakSet()
-
-
-def _close_copies() -> None:
-    """Let no worker reach them."""
-    for copy in list(_copies):
-        copy.close()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_close_copies)
-
-
-_GONE = (FileNotFoundError, NotADirectoryError, FileExistsError)  # what writing into a folder raises that is removed
-
-
-class Keeping:
-    """Keeps what is written while strangers' code runs, who may delete or change it, and puts it back in the end."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-        whole = [
-            path for path in store.folder.iterdir() if path.is_file() and not path.name.startswith((".", "shard-"))
-        ]
-        self._whole = {path.name: path.read_bytes() for path in whole}  # the manifest, and what was run
-        self._copy: IO[bytes] = tempfile.TemporaryFile(dir=store.folder)  # noqa: SIM115 -- closed by put_back; has no name there
-        self._rows: dict[int, int] = {}
-        _copies.add(self._copy)
-
-    def write(self, shard: int, rows: Rows) -> None:
-        """Write a shard as `Store.write` does; where somebody removes the folder meanwhile, in the end."""
-        self._rows[shard] = self._copy.tell()
-        np.lib.format.write_array(self._copy, rows, allow_pickle=False)
-        try:
-            self._make_folder()
-            self._store.write(shard, rows)
-        except BadRequest as error:
-            if not isinstance(error.__cause__, _GONE):
-                raise
-        except _GONE:
-            pass
-
-    def put_back(self) -> None:
-        """Write again what is not there any more as it was written."""
-        store = self._store
-        self._make_folder()
-        for name, content in self._whole.items():
-            path = store.folder / name
-            if not path.is_file() or path.read_bytes() != content:
-                write_atomically(path, content)
-        for shard, at in self._rows.items():
-            try:
-                store.read(shard)
-            except BadResults:
-                self._copy.seek(at)
-                store.write(shard, np.lib.format.read_array(self._copy, allow_pickle=False))
-        self._copy.close()
-
-    def _make_folder(self) -> None:
-        folder = self._store.folder
-        if folder.exists() and not folder.is_dir():
-            folder.unlink()
-        folder.mkdir(parents=True, exist_ok=True)
 
 
 def create(folder: Path, campaign: Campaign) -> Store:
@@ -289,7 +251,7 @@ def create(folder: Path, campaign: Campaign) -> Store:
     differing = differences(campaign.manifest(), store.campaign.manifest())
     if differing:
         rule = f"holds another campaign: {'; '.join(differing[:5])}"
-        remedy = "name another folder, or give --fresh to discard what is there and start again"
+        remedy = "name another folder, or give --fresh to discard its results and start again"
         raise BadResults(str(folder), rule, remedy, slug="results-other")
     write_atomically(folder / ".writable", b"")
     (folder / ".writable").unlink(missing_ok=True)

@@ -100,7 +100,7 @@ class _Work:
         piece = self._pieces[key]
         kept, span = self._rows[piece.span], self._spans[piece.span]
         if np.shape(rows) != (piece.count,):
-            return rows  # of the wrong form: whoever writes them complains
+            return rows  # of the wrong form: complained about where they are written
         kept[piece.first] = rows
         if sum(map(len, kept.values())) < len(span):
             return None

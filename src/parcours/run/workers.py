@@ -58,7 +58,7 @@ class Lost:
         case: on which it was, if it said so.
         entered: whether it had begun a case at all.
         fresh: whether the item was its first.
-        silent: whether it closed or spoilt the line to this process, and went on until it was ended here.
+        silent: whether it closed or corrupted the line to this process, and went on until it was ended here.
     """
 
     how: Literal["hung", "died", "tampered"]
@@ -193,7 +193,7 @@ class Crew(Generic[R]):
         n_words: size of the array that a worker shares (`parcours.run.heartbeat`).
         patience: how long a worker may give no sign of life while it is on no case [s of wall clock].
         own_group: a worker leads a process group, which ends with it: for tasks that start programs.
-        strangers: the task runs code of others, which may do anything: a worker ends with all that it has started.
+        strangers: the task runs third-party code, which may do anything: a worker ends with all that it has started.
         once: a worker does one item only, so that whatever it leaves behind in its process is gone with it.
         heard: called with what a task says by `tell`.
     """

@@ -4,9 +4,9 @@
     statistic = "mean" | "median" | "min" | "max" | "p" number
     measure   = name | ("violated" | "robustness") "(" requirement ")"
 
-A rate is the share of the cases; of a quantity the mean is taken if nothing is said. The interval is printed beside the
+A rate is the share of the cases; a quantity is averaged by default. The interval is printed beside the
 figure (Wilson's of a rate, Student's of a mean, by ranks of a quantile). The condition is asked of the figure itself,
-or, with a confidence, of the whole interval: then it holds only beyond chance.
+or, with a confidence, of the whole interval.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
-from parcours.report.pieces import Column, Table
+from parcours.report.pieces import Cell, Column, Table
 from parcours.study.protocol import Measure, Results
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.statistics import holm, mcnemar, wilson
+from parcours.verdict.statistics import RateComparison, compare_with_published, holm, rate_difference, wilson
 
 _STATISTIC = r"(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)"
 _MEASURE = r"(?:(?:violated|robustness)\s*\(\s*[A-Za-z_][A-Za-z0-9_.-]*\s*\)|[A-Za-z_][A-Za-z0-9_]*)"
@@ -193,8 +193,10 @@ class Compared:
     now: float  # its share now
     only_before: int  # cases that counted in the baseline only
     only_now: int  # cases that count now only
+    low: float  # 95 % interval of its growth, now less before (Newcombe's, of pairs)
+    high: float
     p_value: float  # of McNemar's test, by Holm's method
-    worse: bool  # whether it got worse beyond chance
+    worse: bool  # whether it got significantly worse
     flipped: tuple[str, ...]  # ids of the cases that made it worse
 
 
@@ -209,19 +211,30 @@ class Baseline:
 
     @property
     def failed(self) -> bool:
-        """Whether some rate got worse beyond chance."""
+        """Whether some rate got significantly worse."""
         return any(row.worse for row in self.rows)
 
     def table(self) -> Table:
         """Return the rates side by side."""
-        columns = (Column("rate"), Column("baseline", ".2%"), Column("now", ".2%"), Column("only in baseline", ",d"),
-                   Column("only now", ",d"), Column("p (Holm)", ".2g"), Column("worse"))  # fmt: skip
+        columns = (Column("rate"), Column("baseline", ".2%"), Column("now", ".2%"), Column("difference"),
+                   Column("only in baseline", ",d"), Column("only now", ",d"), Column("p (Holm)", ".2g"),
+                   Column("worse"))  # fmt: skip
         rows = tuple(
-            (one.name, one.before, one.now, one.only_before, one.only_now, one.p_value, "yes" if one.worse else "no")
+            (
+                one.name,
+                one.before,
+                one.now,
+                f"{one.now - one.before:+.2%} [{one.low:+.2%}, {one.high:+.2%}]",
+                one.only_before,
+                one.only_now,
+                one.p_value,
+                "yes" if one.worse else "no",
+            )
             for one in self.rows
         )
         note = (
-            f"{self.shared} cases that both have; McNemar's exact test on the pairs, corrected for {len(rows)} rates."
+            f"{self.shared} cases that both have; McNemar's exact test on the pairs, corrected for {len(rows)} rates;"
+            " Newcombe's 95 % interval of the difference."
         )
         return Table("Compared with the baseline", columns, rows, note)
 
@@ -252,20 +265,40 @@ def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
         if measure.kind != "rate" or not measure.worse or name not in before:
             continue
         new, old = measure.values[here] == 1.0, before[name].values[there] == 1.0
-        only_old, only_new = int(np.sum(old & ~new)), int(np.sum(new & ~old))
+        differ = rate_difference(new, old)
+        only_new, only_old = differ.pairs.first_only, differ.pairs.second_only
         grew = only_new > only_old if measure.worse == "more" else only_old > only_new
         which = new & ~old if measure.worse == "more" else old & ~new
         ids_worse = tuple(listed[here[k]].id for k in np.flatnonzero(which))
         shares = float(old.mean()), float(new.mean())
-        found.append((name, *shares, only_old, only_new, mcnemar(only_old, only_new), grew, ids_worse))
-    adjusted = zip(found, holm([row[5] for row in found]), strict=True)
-    rows = tuple(Compared(*row[:5], p, row[6] and p < _SIGNIFICANT, row[7]) for row, p in adjusted)
+        counted = (name, *shares, only_old, only_new, differ.low, differ.high)
+        found.append((counted, differ.pairs.p_value, grew, ids_worse))
+    adjusted = zip(found, holm([row[1] for row in found]), strict=True)
+    rows = tuple(Compared(*row[0], p, row[2] and p < _SIGNIFICANT, row[3]) for row, p in adjusted)
     passed = [(listed[k].verdict is Verdict.PASS, listed_before[j].verdict is Verdict.PASS) for k, j in pairs]
     flipped, repaired = (
         tuple(listed[k].id for (k, _), both in zip(pairs, passed, strict=True) if both == change)
         for change in ((False, True), (True, False))
     )
     return Baseline(len(pairs), rows, flipped, repaired)
+
+
+def compare_apart(now: Results, earlier: Results) -> Table:
+    """Return the rates of two runs that have no cases in common, side by side, each with its interval."""
+    rows: list[tuple[str, RateComparison]] = []
+    before = earlier.measures()
+    for name, measure in now.measures().items():
+        if measure.kind == "rate" and name in before:
+            values = [one[~np.isnan(one)] for one in (measure.values, before[name].values)]
+            (count, n), (old, m) = ((int(one.sum()), len(one)) for one in values)
+            rows.append((name, compare_with_published(count, n, old, m)))
+    shown: list[tuple[Cell, ...]] = [
+        (name, *(f"{of.share:.2%} [{of.low:.2%}, {of.high:.2%}]" for of in (one.published, one.ours)), p)
+        for (name, one), p in zip(rows, holm([one.p_value for _, one in rows]), strict=True)
+    ]
+    columns = (Column("rate"), Column("baseline"), Column("now"), Column("p (Holm)", ".2g"))
+    note = "No case is in both, so they count as separate samples: Wilson 95 % intervals, Fisher's exact test."
+    return Table("Compared with the baseline", columns, tuple(shown), note)
 
 
 def exit_code(results: Iterable[Results]) -> int:

@@ -36,7 +36,7 @@ def write_question(folder: Path, study: str, where: str, question: Mapping[str, 
         theirs = read_question(folder)["question"]
         if found := differences(ours, theirs):
             rule = f"holds another run: {'; '.join(found[:5])}"
-            remedy = "name another folder, or give --fresh to discard what is there and start again"
+            remedy = "name another folder, or give --fresh to discard its results and start again"
             raise BadResults(str(folder), rule, remedy, slug="results-other")
         return
     document = {"parcours": _FORMAT, "study": study, "where": where, "question": ours}

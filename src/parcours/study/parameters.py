@@ -34,7 +34,7 @@ class Parameter:
 
     name: str  # a Python identifier; `added_stop` is the option `--added-stop`
     kind: Kind  # bool, int, real or text
-    default: Scalar  # its value if nothing is said
+    default: Scalar  # its default value
     doc: str = ""  # what it means, for the help
     unit: str = "1"  # SI unit of a number; "1" has none
     low: float | None = None  # least value allowed, inclusive
@@ -140,7 +140,7 @@ def workers_parameter() -> Parameter:
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Parameter(
-        "workers", "int", cores, "processes; one a processor if not given", low=1, high=1024, decides=False
+        "workers", "int", cores, "processes; one per processor if not given", low=1, high=1024, decides=False
     )
 
 

@@ -22,7 +22,8 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
-Progress = Callable[[str, int, int], None]  # reports (what, how many are done, how many in all)
+# reports (what, how many are done, how many in all). A second line of `what` says what came of it so far
+Progress = Callable[[str, int, int], None]
 
 _WIDTH = 110  # where the lines of an explanation are broken [characters]
 
@@ -36,6 +37,10 @@ class Request:
     out: Path  # folder for the results; resumed if it holds part of the same run
     n_cases: int | None = None  # how many cases, the first ones; None leaves it to the study
     chosen: tuple[str, ...] = ()  # ids of the only cases to run, in the order of the plan; all if empty
+    # rules that end the run (`parcours.study.stopping`), and its longest time [s of wall clock]; of studies that say
+    # `stops = True` only
+    until: tuple[str, ...] = ()
+    max_time: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

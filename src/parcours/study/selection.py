@@ -13,7 +13,7 @@ _MOST = 1_000_000
 
 
 def ids_of(given: Sequence[str], file: Path | None) -> tuple[str, ...]:
-    """Return the ids that were given, and those in a file: one a line, `#` begins a remark."""
+    """Return the ids that were given, and those in a file: one per line, `#` begins a comment."""
     ids = list(given)
     if file is not None:
         try:
@@ -23,7 +23,7 @@ def ids_of(given: Sequence[str], file: Path | None) -> tuple[str, ...]:
         listed = [line.partition("#")[0].strip() for line in lines]
         ids += [one for one in listed if one]
         if not any(listed):
-            raise BadRequest(str(file), "must name cases, one id a line, but names none", slug="case-list")
+            raise BadRequest(str(file), "must name cases, one id per line, but names none", slug="case-list")
     if len(ids) > _MOST:
         raise BadRequest("cases", f"at most {_MOST} may be chosen, but {len(ids)} are", slug="case-list")
     return tuple(dict.fromkeys(ids))
@@ -63,7 +63,7 @@ def chosen_cases(plan: Plan, chosen: Sequence[str], study: str) -> list[Case]:
 def named(cases: Iterable[Case], chosen: Sequence[str]) -> Iterator[Case]:
     """Yield those of the cases that are named: by id, with or without the study, by abstract case, or by number.
 
-    Raises BadRequest: a name is not one of theirs; all such names are said.
+    Raises BadRequest: a name is not one of theirs; all such names are listed.
     """
     left = set(chosen)
     for case in cases:

@@ -71,7 +71,7 @@ def check_study_file(path: Path) -> tuple[Study | None, tuple[Finding, ...]]:
 
 
 def refusal(found: tuple[Finding, ...]) -> BadRequest:
-    """Return one error that says all errors among the findings, one a line."""
+    """Return one error that says all errors among the findings, one per line."""
     error = complaint(errors_among(found))
     rule = error.rule.replace("a model must have no errors", "a study must have no errors", 1)
     return BadRequest(error.where, rule, error.remedy, slug=error.slug.replace("model-errors", "study-errors"))

@@ -149,7 +149,7 @@ def combine(
         n_cases: how many cases; by default as many as satisfy the criterion for every abstract case and budget.
 
     Raises:
-        BadRequest: no case is asked for, an abstract case is missing or doubled, or the criterion is unknown.
+        BadRequest: no case is asked for, an abstract case is missing or named twice, or the criterion is unknown.
         BadSuite: a name cannot stand in an id, a time budget is not positive, or the seed is out of range.
 
     >>> from parcours.data import split

@@ -1,4 +1,4 @@
-"""Writes cases as a Python file that pytest runs: one test a case, its id the case's, its failure explained.
+"""Writes cases as a Python file that pytest runs: one test per case, its id the case's, its failure explained.
 
 What stands in the script is written with `repr` from checked values, so a hostile suite cannot put code into
 it. The cases stand in the script itself, or it names the suite file and remembers its checksum.

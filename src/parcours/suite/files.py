@@ -132,7 +132,7 @@ def _cases(path: Path) -> Iterator[Case]:
 
 
 def _record(path: Path, line: int, raw: bytes) -> dict[str, object]:
-    """Return the JSON object of one line: no doubled keys, no NaN, bounded size and depth."""
+    """Return the JSON object of one line: no duplicate keys, no NaN, bounded size and depth."""
     if len(raw) > MAX_LINE:
         _bad(path, line, f"a line has at most {MAX_LINE} bytes, but this one is longer", "suite-line")
     try:

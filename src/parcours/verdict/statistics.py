@@ -2,7 +2,8 @@
 
 Intervals are Wilson's (E. B. Wilson, JASA 22, 1927), which stay inside [0, 1] and hold near 0; schedules run
 on the same cases are compared by McNemar's exact test on the pairs that disagree (Q. McNemar, Psychometrika
-12, 1947); two independent campaigns by Fisher's exact test.
+12, 1947), with Newcombe's interval for the difference of paired rates (R. G. Newcombe, Statist. Med. 17, 1998, method
+10); two independent campaigns by Fisher's exact test.
 """
 
 from __future__ import annotations
@@ -132,12 +133,61 @@ def compare_pairs(first: ArrayLike, second: ArrayLike) -> Pairs:
     if a.shape != b.shape or a.ndim != 1:
         raise BadRequest(
             "paired results",
-            f"both must have one value a case, but their shapes are {a.shape} and {b.shape}",
+            f"both must have one value per case, but their shapes are {a.shape} and {b.shape}",
             "compare the same cases in the same order",
             slug="pairs-shape",
         )
     first_only, second_only = int(np.sum(a & ~b)), int(np.sum(b & ~a))
     return Pairs(int(np.sum(a & b)), first_only, second_only, int(np.sum(~a & ~b)), mcnemar(first_only, second_only))
+
+
+@dataclass(frozen=True, slots=True)
+class RateDifference:
+    """How often something happened in one run and not in another, on the same cases."""
+
+    pairs: Pairs  # the four counts, and McNemar's exact p-value
+    difference: float  # share of the first minus share of the second; NaN without any case
+    low: float  # its interval of 95 %
+    high: float
+
+    @property
+    def odds_ratio(self) -> float | None:
+        """Cases that only the first has over cases that only the second has; None where the second has none."""
+        return self.pairs.first_only / self.pairs.second_only if self.pairs.second_only else None
+
+
+def rate_difference(first: ArrayLike, second: ArrayLike) -> RateDifference:
+    """Return how two truth values of the same cases, shape (n_cases,), differ; BadRequest if they differ in length.
+
+    >>> found = rate_difference([1, 1, 1, 1, 0], [1, 0, 0, 0, 0])
+    >>> round(found.difference, 3), round(found.pairs.p_value, 3), found.odds_ratio
+    (0.6, 0.25, None)
+    """
+    pairs = compare_pairs(first, second)
+    if not pairs.n:
+        return RateDifference(pairs, math.nan, -1.0, 1.0)
+    low, high = _newcombe(pairs)
+    return RateDifference(pairs, (pairs.first_only - pairs.second_only) / pairs.n, low, high)
+
+
+def _newcombe(pairs: Pairs) -> tuple[float, float]:
+    """Return the interval of the difference of two paired rates, from their Wilson intervals and their correlation."""
+    #                    second yes  second no
+    #        first yes       a           b        only b and c say which of the two is better
+    #        first no        c           d
+    a, b, c, d, n = pairs.both, pairs.first_only, pairs.second_only, pairs.neither, pairs.n
+    one, two = wilson(a + b, n), wilson(a + c, n)
+    margins = (a + b) * (c + d) * (a + c) * (b + d)
+    product = a * d - b * c
+    corrected = max(product - n / 2, 0.0) if product > 0 else float(product)
+    phi = corrected / math.sqrt(margins) if margins else 0.0
+
+    def reach(x: float, y: float) -> float:
+        return math.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0))
+
+    middle = (b - c) / n
+    low, high = reach(one.share - one.low, two.high - two.share), reach(one.high - one.share, two.share - two.low)
+    return middle - low, middle + high
 
 
 @dataclass(frozen=True, slots=True)

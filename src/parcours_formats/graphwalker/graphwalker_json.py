@@ -1,6 +1,6 @@
 """Reads GraphWalker's JSON (version 4), which may be hostile, and writes it.
 
-As GraphWalker's own reader, this one takes `//` and `/* */` for comments and lets strings run over lines. Doubled keys,
+Like GraphWalker's own reader, it takes `//` and `/* */` for comments and lets strings run over lines. Repeated keys,
 NaN and what is too large or too deep are refused.
 """
 

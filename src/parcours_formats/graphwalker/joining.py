@@ -247,7 +247,7 @@ def _tags(element: Vertex | LabelledEdge) -> tuple[str, ...]:
 
 
 def _weights(edges: Sequence[LabelledEdge]) -> dict[int, float]:
-    """Return the weight of each edge of a vertex where one is said: the others share what is left of 1."""
+    """Return the weight of each edge of a vertex where one is given: the others share what is left of 1."""
     leaving: dict[str, list[int]] = {}
     for number, edge in enumerate(edges):
         leaving.setdefault(edge.source, []).append(number)

@@ -173,7 +173,7 @@ class Vertex:
 
 @dataclass(slots=True)
 class LabelledEdge:
-    """An edge; one without source is where a walk starts. `weight` is its share of probability, 0 if not said."""
+    """An edge; one without source is where a walk starts. `weight` is its share of probability, 0 if not given."""
 
     id: str
     name: str
@@ -190,7 +190,7 @@ class LabelledEdge:
 
 @dataclass(slots=True)
 class Model:
-    """One graph: `start` is the id of the vertex or edge where a walk starts, if it is said."""
+    """One graph: `start` is the id of the vertex or edge where a walk starts, if it is given."""
 
     name: str
     vertices: list[Vertex]

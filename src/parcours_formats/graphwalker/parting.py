@@ -17,7 +17,7 @@ from parcours_formats.losses import unsaid
 from parcours_formats.naming import UniqueNames, joint_name
 
 GENERATOR = "random(edge_coverage(100))"
-"""How GraphWalker shall walk: each of its models needs a generator."""
+"""How GraphWalker walks: each of its models needs a generator."""
 
 _HOLDS = frozenset(("actions", "guards", "ids", "states", "variables", "weights"))
 _SAYABLE = re.compile(r"[A-Za-z0-9_$.]+")

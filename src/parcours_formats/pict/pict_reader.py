@@ -7,7 +7,7 @@
     IF [PLATFORM] = "x86" THEN [SIZE] < 100 ELSE [SIZE] > 10;
 
 Texts compare without regard to case. A file may be hostile: its size, columns, values and terms are limited, it is
-read in one pass, and the first thing wrong is said with its line.
+read in one pass, and the first error is reported with its line.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def read_pict(path: Path | str) -> DataReading:
 
 
 def parse_pict(text: str, origin: str) -> DataReading:
-    """Return the input model of a PICT text. Raises BadDomain, with the line, if it is none.
+    """Return the input model of a PICT text. Raises BadDomain, with the line, if it is not one.
 
     >>> reading = parse_pict('''
     ... TYPE: single, span, ~broken

@@ -134,7 +134,7 @@ class SymbolicExecution:
 
     def declared(self, declared: Declared, now: list[Running]) -> list[Running]:
         """Return where the declaration of a variable leads: from now on its name means a new cell."""
-        self.scope.cells.known = {}  # what is said here is said on several ways
+        self.scope.cells.known = {}  # this holds on several ways
         shape = self.scope.shape(declared.type, self.where, declared.lengths)
         made, cells = self.scope.cells.make_local(declared.name, shape, declared.line, self.where)
         if (

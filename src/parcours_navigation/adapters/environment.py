@@ -26,8 +26,8 @@ class Reward:
 
     progress: float = 1.0  # for each metre nearer to the goal
     arrival: float = 10.0  # when the goal is reached
-    contact: float = -10.0  # for each contact whose gap the robot closed, alone or together with the obstacle
-    touched: float = 0.0  # for each contact that the obstacle closed alone
+    contact: float = -10.0  # for each contact that the robot caused, alone or together with the obstacle
+    touched: float = 0.0  # for each contact that the obstacle alone caused
     time: float = -0.05  # for each second
 
 
@@ -35,7 +35,7 @@ class CaseEnv(gymnasium.Env[Vector, NDArray[np.float32]]):
     """System cases as episodes. `reset(seed=k)` begins case k; without a seed, a case drawn by the last one.
 
     Observations are those of `features`, actions shares of the limits (`features.speeds`). An episode terminates at the
-    goal or, if `until_contact`, at the first contact that the robot closed; it is truncated at the time limit. `info`
+    goal or, if `until_contact`, at the first contact that the robot caused; it is truncated at the time limit. `info`
     has `case`, `time`, `reached`, `contacts`, and `robot` and `obstacles` as planners see them.
 
     Args:

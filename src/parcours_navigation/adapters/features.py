@@ -18,7 +18,7 @@ Vector = NDArray[np.float32]
 
 
 def size(n_obstacles: int) -> int:
-    """Return the length of a vector that shows so many obstacles."""
+    """Return the length of a vector that shows this many obstacles."""
     return OF_ROBOT + OF_OBSTACLE * n_obstacles
 
 

@@ -1,4 +1,4 @@
-"""Two discs that move for one tick: their least distance, the moment of contact, and who closed the gap.
+"""Two discs that move for one tick: their least distance, the moment of contact, and who caused it.
 
 Between two ticks both centres are taken to move on straight lines, so contact cannot slip between samples. At 0.01 s
 the true arcs stray from their chords by at most v*w*dt^2/8 = 1e-5 m; in the one tick in which an obstacle sets out or
@@ -17,7 +17,7 @@ import numpy as np
 from parcours.kernels import kernel
 
 ROBOT_CLOSED, OBSTACLE_CLOSED, BOTH_CLOSED = 1, 2, 3
-"""Who closed the gap at a contact."""
+"""Who caused a contact."""
 
 AT_REST = 0.01
 """Below this speed [m/s] the robot counts as standing."""
@@ -76,9 +76,9 @@ def contact_share(x0: float, y0: float, x1: float, y1: float, reach: float) -> f
 def who_closed(
     gap_x: float, gap_y: float, robot_vx: float, robot_vy: float, obstacle_vx: float, obstacle_vy: float
 ) -> int:
-    """Return who closed the gap (x, y) [m] from robot to obstacle: whose velocity [m/s] had a part along it.
+    """Return who caused a contact: whose velocity [m/s] points along the gap (x, y) [m] from robot to obstacle.
 
-    A robot slower than AT_REST closes nothing.
+    A robot slower than AT_REST causes no contact.
 
     >>> who_closed(1.0, 0.0, 0.2, 0.0, -0.3, 0.0) == BOTH_CLOSED
     True

@@ -24,7 +24,7 @@ SURVIVABILITY = np.dtype(
 """What is known of one case; `survived` and `hit` are nan where every place is covered."""
 
 _FLAT = 1e-9
-"""A yaw rate below this [rad/s] is none, as in `arena.obstacles`."""
+"""A yaw rate below this [rad/s] counts as zero, as in `arena.obstacles`."""
 
 
 def survivability(

@@ -105,7 +105,7 @@ def _meet(world: Record, obstacle: Record, x0: float, y0: float, x1: float, y1: 
 
 @kernel
 def note_contact(world: Record, when: int, closer: int) -> None:
-    """Count a contact at `when` [ns] by who closed the gap."""
+    """Count a contact at `when` [ns] by who caused it."""
     if world.t_contact == NEVER:
         world.t_contact = when
     if closer == ROBOT_CLOSED:

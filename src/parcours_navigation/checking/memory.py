@@ -78,7 +78,7 @@ def keeps_no_observation(subject: Subject) -> Iterator[Remark]:
     shared = observation(task, (0.0, 0.0, 0.0), ((0.0,),) * 3)
     reused = []
     for seen in script(task):
-        shared.time = seen.time
+        shared.time, shared.scan, shared.map, shared.path = seen.time, None, None, None  # made again of what it sees
         shared.robot[:], shared.obstacles[:] = seen.robot, seen.obstacles
         reused.append(slot.speeds(shared))
         shared.robot[:], shared.obstacles[:] = 7.7e3, -7.7e3  # what a kept reference would show from now on

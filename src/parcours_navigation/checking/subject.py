@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NoReturn
 
 import numpy as np
@@ -16,7 +17,16 @@ from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
 from parcours_navigation.checking.scenes import observation, sensed
 from parcours_navigation.guests.answers import read_answer
-from parcours_navigation.guests.planners import SHIPPED, asked_alone, batch_of, load_planner, module_name, source_of
+from parcours_navigation.guests.planners import (
+    SHIPPED,
+    STACKS,
+    asked_alone,
+    batch_of,
+    is_stack,
+    load_planner,
+    module_name,
+    source_of,
+)
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
 from parcours_navigation.stage import tracking
 
@@ -97,8 +107,8 @@ _ITS_OWN_FAULT = ("planner-raised", "planner-form")
 def load_subject(name: str) -> Subject:
     """Return the subject of a check. Its module or file is read once, the planner made again each time.
 
-    `name` is a shipped planner's, "package.module:Name", or "path/to/file.py:Name". Raises BadRequest if it leads
-    nowhere.
+    `name` is a shipped planner's, "package.module:Name", "path/to/file.py:Name", or the file of a stack's binding.
+    Raises BadRequest if it leads nowhere.
 
     >>> load_subject("stand-still").make() is load_subject("stand-still").make()
     False
@@ -110,6 +120,8 @@ def load_subject(name: str) -> Subject:
         if complaint.slug in _ITS_OWN_FAULT:
             return Subject(name, lambda complaint=complaint: _raise(complaint))  # type: ignore[misc]
         raise
+    if is_stack(name):
+        return Subject(name, partial(importlib.import_module(STACKS).StackPlanner, name))
     where, _, dotted = SHIPPED.get(name, name).rpartition(":")
     kept = sys.modules.get(module_name(source)) if source is not None else None
     found: object = kept if kept is not None else importlib.import_module(where)
@@ -130,7 +142,7 @@ class Drive:
     states: Floats  # robot then: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (n, 5)
     commands: Floats  # what was answered then: speed, yaw rate [m/s, rad/s], shape (n, 2)
     t_goal: float  # when the goal was first reached [s]; NaN if never
-    touched: bool  # whether the robot closed the gap at a contact
+    touched: bool  # whether the robot caused a collision
     travelled: float  # length of the way [m]
 
 

@@ -1,1 +1,1 @@
-"""Commands on planners and on robots of others (entry points `parcours.commands`), each imported when it is called."""
+"""Commands on planners and on foreign robots (entry points `parcours.commands`), each imported when it is called."""

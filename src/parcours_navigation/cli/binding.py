@@ -17,7 +17,7 @@ def command() -> None:
 @click.option("--live", is_flag=True, help="Start the nodes, too, compare what they register, and measure silences.")
 @click.option("--master", default="", metavar="URI", help="A ROS 1 master that runs; else one of its own.")
 @click.option("--network", type=click.Choice(["own", "shared"]), default="own", show_default=True,
-              help="Whether its own master and the nodes are out of reach of everybody.")  # fmt: skip
+              help="Whether its own master and the nodes are isolated from the network.")  # fmt: skip
 def check(file: Path, live: bool, master: str, network: str) -> None:
     """Check a binding: its form, its model, message types; with --live the running system. Exit 2 if it is wrong.
 
@@ -30,7 +30,8 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
     binding = read_binding(file)
     for finding in check_binding(file.read_text(encoding="utf-8"), str(file))[1]:
         click.echo(str(finding), err=True)
-    where = f"{file}: {len(binding.nodes)} nodes, {len(binding.channels)} channels of {binding.model.name!r}"
+    whose = "a navigation stack" if binding.stack else repr(binding.model.name)
+    where = f"{file}: {len(binding.nodes)} nodes, {len(binding.channels)} channels of {whose}"
     if live:
         for proposal in check_nodes(binding, master, network):
             click.echo(f"note: {proposal}", err=True)

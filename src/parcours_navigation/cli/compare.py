@@ -14,15 +14,15 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
 @count("--cases", default=1000, most=100_000_000, help="How many, the same for all.")
 @click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published.")
 @click.option("--command-delay", type=click.FloatRange(0.0, 10.0), default=0.0, show_default=True,
-              help="From an answer to the robot [s], in steps of 0.01 s. Planners with durations of work of their own "
+              help="Delay from an answer to the robot [s], in steps of 0.01 s. Planners with published computing times "
               "keep them.")  # fmt: skip
 @count("--measured", default=200, least=0,
        help="How many of the first cases are run again, to be scored as the code of published benchmarks "
        "does.")  # fmt: skip
-@count("--timed", default=3, least=0, help="On how many of the first cases decisions are timed.")
+@count("--timed", default=3, least=0, help="In how many of the first cases decisions are timed.")
 @click.option("--require", multiple=True, help="What must hold of every case: 'keeps-away: always clearance > 0.05'. "
               "Can be given several times.")  # fmt: skip
-@click.option("--fail", multiple=True, help="A case of which this holds has failed: 'travelled > 4 or time > 30'.")
+@click.option("--fail", multiple=True, help="A case fails if this holds: 'travelled > 4 or time > 30'.")
 @click.option("--measure", multiple=True, help="A measure of your own: 'crowding: mine.py:crowding', or a formula over "
               "the values of a case. Can be given several times.")  # fmt: skip
 @seed
@@ -39,11 +39,11 @@ def command(
     require: tuple[str, ...], fail: tuple[str, ...], measure: tuple[str, ...], seed: int, workers: int, out: Path,
     html: Path | None, markdown: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Run PLANNERS on the same cases, and test each against the first; or compare folders of runs that are there.
+    """Run PLANNERS on the same cases, and test each against the first, or compare existing folders of results.
 
-    Folders are of one study: their cases are paired by their ids, rates are tested on the pairs, and the cases that
-    flipped are named. A planner is a known name, package.module:Name, or path/to/file.py:Name. Planners that come with
-    published durations of work keep them; the others answer at once unless --command-delay is given.
+    Folders are of one study: their cases are paired by their ids, rates are tested on the pairs, and cases whose
+    verdict changed are listed. A planner is a known name, package.module:Name, or path/to/file.py:Name. Planners with
+    published computing times keep them; the others answer instantly unless --command-delay is given.
 
     Example: parcours compare orca dwa mppi --cases 10000 --html out/compare.html
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.errors import BadRequest
-from parcours.verdict.statistics import Rate, holm, wilson
+from parcours.verdict.statistics import Rate, RateDifference, holm, rate_difference, wilson
 from parcours_navigation.arena.solvability import shortest_way
-from parcours_navigation.comparison.pairing import RateDifference, TimeDifference, rate_difference, time_difference
+from parcours_navigation.comparison.pairing import TimeDifference, time_difference
 from parcours_navigation.comparison.results import (
     QUESTIONS,
     RULES,
@@ -34,9 +34,8 @@ from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome
 from parcours_navigation.study.distribution import GOAL, START, Summary, reached, spl_of, summarised, time_to_goal
 
 DIFFERENT_ANSWERS = (
-    "Planners that come with published durations of work keep them; the others answer at once, which no real machine "
-    "does, unless a command delay is given. So a difference between the two kinds is one of planner and machine "
-    "together."
+    "Planners with published computing times keep them. The others answer instantly, which no real machine does, "
+    "unless a command delay is given. So a difference between the two kinds is one of planner and machine together."
 )
 """The caution wherever planners stand side by side that answer at different speeds."""
 

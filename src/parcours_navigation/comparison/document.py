@@ -10,9 +10,8 @@ from typing import cast
 import numpy as np
 
 from parcours import __version__
-from parcours.verdict.statistics import Rate, quantiles, wilson
+from parcours.verdict.statistics import Rate, RateDifference, quantiles, wilson
 from parcours_navigation.comparison.analysis import Analysis, PairTest, Standing
-from parcours_navigation.comparison.pairing import RateDifference
 from parcours_navigation.comparison.requiring import requirement_document
 from parcours_navigation.comparison.results import Floats
 

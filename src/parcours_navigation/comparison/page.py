@@ -15,13 +15,13 @@ SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
     "goal reached in time": ((Outcome.REACHED,), "good"),
     "goal reached later": ((Outcome.UNDER_WAY,), "fair"),
     "obstacle rests on goal": ((Outcome.BLOCKED,), "neutral"),
-    "never arrived": ((Outcome.STUCK, Outcome.ASTRAY), "poor"),
+    "goal not reached": ((Outcome.STUCK, Outcome.ASTRAY), "poor"),
     "touched while moving": ((Outcome.COLLIDED,), "bad"),
     "planner's error": ((Outcome.ERROR,), "worst"),
 }
 """Slices of the stacked bars -> the outcomes in them, and their tone."""
 
-_REACHED, _TOUCHED = "goal reached in time, no contact closed", "contact that the moving robot closed"
+_REACHED, _TOUCHED = "goal reached in time, no collision", "collision caused by the robot"
 
 _READING = """\
 All planners ran **the same cases**: the same obstacles set out at the same times. So they are compared case by case, \
@@ -99,6 +99,6 @@ def _times(found: Analysis) -> tuple[Piece, ...]:
     gaps = {one.name: one.clearances for one in found.standings}
     note = "Share of all cases: a line ends at the share that is reached in time."
     arrived = arrivals("Time to the goal", times, "time since the case began [s]", note)
-    note, axis = "Negative: overlap, whoever closed the gap.", "least gap to an obstacle before the end [m]"
+    note, axis = "Negative: overlap, no matter who caused it.", "least gap to an obstacle before the end [m]"
     least = arrivals("Least clearance in a case", gaps, axis, note)
     return tables.time_table(found), arrived, tables.clearance_table(found), least, tables.score_table(found)

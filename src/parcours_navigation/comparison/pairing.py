@@ -1,9 +1,8 @@
-"""How two planners differ on the same cases: paired tests, their effect sizes, and Holm's correction.
+"""How the times of two planners differ on the same cases: a paired test, its effect size and interval.
 
-Yes or no is compared by McNemar's exact test on the cases that disagree, with Newcombe's interval for the difference of
-paired rates (R. G. Newcombe, Statist. Med. 17, 1998, method 10); times by Wilcoxon's signed-rank test on the cases
-where both have one, with the rank-biserial correlation (D. S. Kerby, 2014) and the distribution-free interval of the
-median difference; many tests by Holm's step-down rule (S. Holm, Scand. J. Statist. 6, 1979).
+Rates are compared by `parcours.verdict.statistics.rate_difference`; times by Wilcoxon's signed-rank test on the
+cases where both have one, with the rank-biserial correlation (D. S. Kerby, 2014) and the distribution-free interval of
+the median difference; many tests by Holm's step-down rule (S. Holm, Scand. J. Statist. 6, 1979).
 """
 
 from __future__ import annotations
@@ -15,56 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest
-from parcours.verdict.statistics import Pairs, compare_pairs, wilson
-
-
-@dataclass(frozen=True, slots=True)
-class RateDifference:
-    """How often something happened to one planner and not to another, on the same cases."""
-
-    pairs: Pairs  # the four counts, and McNemar's exact p-value
-    difference: float  # share of the first minus share of the second; NaN without any case
-    low: float  # its interval of 95 %
-    high: float
-
-    @property
-    def odds_ratio(self) -> float | None:
-        """Cases that only the first has over cases that only the second has; None where the second has none."""
-        return self.pairs.first_only / self.pairs.second_only if self.pairs.second_only else None
-
-
-def rate_difference(first: ArrayLike, second: ArrayLike) -> RateDifference:
-    """Return how two truth values of the same cases, shape (n_cases,), differ; BadRequest if they differ in length.
-
-    >>> found = rate_difference([1, 1, 1, 1, 0], [1, 0, 0, 0, 0])
-    >>> round(found.difference, 3), round(found.pairs.p_value, 3), found.odds_ratio
-    (0.6, 0.25, None)
-    """
-    pairs = compare_pairs(first, second)
-    if not pairs.n:
-        return RateDifference(pairs, math.nan, -1.0, 1.0)
-    low, high = _newcombe(pairs)
-    return RateDifference(pairs, (pairs.first_only - pairs.second_only) / pairs.n, low, high)
-
-
-def _newcombe(pairs: Pairs) -> tuple[float, float]:
-    """Return the interval of the difference of two paired rates, from their Wilson intervals and their correlation."""
-    #                    second yes  second no
-    #        first yes       a           b        only b and c say which of the two is better
-    #        first no        c           d
-    a, b, c, d, n = pairs.both, pairs.first_only, pairs.second_only, pairs.neither, pairs.n
-    one, two = wilson(a + b, n), wilson(a + c, n)
-    margins = (a + b) * (c + d) * (a + c) * (b + d)
-    product = a * d - b * c
-    corrected = max(product - n / 2, 0.0) if product > 0 else float(product)
-    phi = corrected / math.sqrt(margins) if margins else 0.0
-
-    def reach(x: float, y: float) -> float:
-        return math.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0))
-
-    middle = (b - c) / n
-    low, high = reach(one.share - one.low, two.high - two.share), reach(one.high - one.share, two.share - two.low)
-    return middle - low, middle + high
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +40,7 @@ def time_difference(first: ArrayLike, second: ArrayLike) -> TimeDifference:
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1:
-        rule = f"both must have one value a case, but their shapes are {a.shape} and {b.shape}"
+        rule = f"both must have one value per case, but their shapes are {a.shape} and {b.shape}"
         raise BadRequest("paired times", rule, "compare the same cases in the same order", slug="pairs-shape")
     gaps = np.sort((a - b)[~np.isnan(a - b)])
     if not gaps.size:

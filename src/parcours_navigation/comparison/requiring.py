@@ -12,13 +12,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from parcours.report.pieces import Cell, Column, Marked, Table
-from parcours.verdict.statistics import holm
-from parcours_navigation.comparison.pairing import (
-    RateDifference,
-    TimeDifference,
-    rate_difference,
-    time_difference,
-)
+from parcours.verdict.statistics import RateDifference, holm, rate_difference
+from parcours_navigation.comparison.pairing import TimeDifference, time_difference
 from parcours_navigation.comparison.results import Contender, Results
 from parcours_navigation.requirements.judging import FAR, holds
 from parcours_navigation.requirements.tables import requirement_table

@@ -69,7 +69,7 @@ def struck(facts: Facts) -> Flags:
 
 
 def stuck(facts: Facts) -> Flags:
-    """Return in which cases the robot did not reach the goal, stood at the end, and never moved again while watched."""
+    """Return in which cases the robot did not reach the goal, stood at the end, and never moved again."""
     never = (facts["t_goal"] == NEVER) & (facts["t_goal_after"] == NEVER) & (facts["error"] == 0)
     stood = facts["t_end"] - facts["t_last_moving"] > 1_000_000_000
     return np.asarray(never & stood & (facts["moved_after"] == 0))
@@ -81,10 +81,10 @@ def erred(facts: Facts) -> Flags:
 
 
 QUESTIONS: dict[str, Callable[[Facts], Flags]] = {
-    "goal reached in time, no contact closed": reached,
-    "contact that the moving robot closed": touched,
-    "contact that the obstacle closed alone": struck,
-    "stopped for ever": stuck,
+    "goal reached in time, no collision": reached,
+    "collision caused by the robot": touched,
+    "contact that the obstacle alone caused": struck,
+    "stopped for good": stuck,
     "ended by the planner's own error": erred,
 }
 """What is asked of every case, in words -> which cases say yes."""
@@ -102,9 +102,9 @@ RULES: dict[str, Callable[[Facts], Flags]] = {
     "imminent collision at any time": lambda f: published(f).halted_once,
     "paused, then moved again": lambda f: published(f).halted_once & ~published(f).stuck,
     STUCK: lambda f: published(f).stuck,
-    "halted, and stood for ever": lambda f: np.asarray(outcomes(f) == int(Outcome.STUCK)),
-    "contact that the moving robot closed": touched,
-    "contact that the obstacle closed alone": struck,
+    "halted for good": lambda f: np.asarray(outcomes(f) == int(Outcome.STUCK)),
+    "collision caused by the robot": touched,
+    "contact that the obstacle alone caused": struck,
 }
 """What the table of the paper's results asks: first those results by their own rule, then what the world says."""
 
@@ -130,12 +130,12 @@ class Results:
 
     @property
     def unsolvable(self) -> Flags | None:
-        """Cases that nobody could have solved; what is neither solvable nor this is undecided."""
+        """Cases that were unsolvable; what is neither solvable nor this is undecided."""
         return None if self.oracle is None else np.asarray(self.oracle["answer"] == UNSOLVABLE)
 
     @property
     def earliest(self) -> Floats | None:
-        """When nobody could have arrived before [s], infinite where nobody could at all, shape (n_cases,)."""
+        """The earliest possible arrival [s], infinite where none is possible, shape (n_cases,)."""
         return None if self.oracle is None else np.asarray(self.oracle["earliest_outer"])
 
     def measured(self, contender: Contender) -> dict[str, Floats]:
@@ -143,5 +143,5 @@ class Results:
         return measured(contender.facts, contender.measures, earliest=self.earliest, survival=self.survival)
 
     def sct(self, contender: Contender) -> Floats | None:
-        """Return SCT of each case, NaN where nobody could have arrived, shape (n_cases,); None without an oracle."""
+        """Return SCT of each case, NaN where no robot could have arrived, shape (n_cases,); None without an oracle."""
         return None if self.earliest is None else sct_of(contender.facts, self.earliest)

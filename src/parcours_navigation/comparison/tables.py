@@ -9,9 +9,8 @@ import numpy as np
 
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.report.terminal import to_markdown
-from parcours.verdict.statistics import Rate, quantiles
+from parcours.verdict.statistics import Rate, RateDifference, quantiles
 from parcours_navigation.comparison.analysis import Analysis, PairTest, Score, finite
-from parcours_navigation.comparison.pairing import RateDifference
 from parcours_navigation.comparison.requiring import requirement_tables
 from parcours_navigation.comparison.results import QUESTIONS, RULES, STUCK, Floats
 from parcours_navigation.outcomes import VERDICT_OF, Outcome
@@ -24,8 +23,8 @@ _UNBROKEN = "\N{NO-BREAK SPACE}"
 _PAPER_NOTE = (
     "The first six by the paper's rule, which reads flags at the end of the test; a stuck robot also counts by "
     "where it is: at the goal, or under way. They say nothing of planners that do not signal imminent collision. "
-    "Halted and stood for ever: by the sound rule, never moved again until 40 s later. A contact that "
-    "the obstacle closed alone found the robot at rest or moving away. Wilson 95 % intervals. More, fewer: cases "
+    "Halted for good: by the sound rule, never moved again until 40 s later. A contact that "
+    "the obstacle alone caused found the robot at rest or moving away. Wilson 95 % intervals. More, fewer: cases "
     "that say yes for this planner only, and for the first only; p: McNemar's exact test on those, for quantities "
     "Wilcoxon's signed-rank test on the cases that have both; uncorrected, marked where Holm's correction over "
     "this table leaves them below 0.05. Quantities: median and, in brackets, 5 % and 95 % points."
@@ -68,7 +67,7 @@ def outcome_table(found: Analysis) -> Table:
     ]
     rows.append(("answers", "", *(one.of.answers for one in found.standings)))
     note = f"{found.results.n_cases} cases, the same for all; Wilson 95 % intervals. {found.caution}".strip()
-    return _table("Outcomes: one a case", (Column("outcome"), Column("verdict"), *_names(found)), rows, note)
+    return _table("Outcomes: one per case", (Column("outcome"), Column("verdict"), *_names(found)), rows, note)
 
 
 def question_table(found: Analysis) -> Table:
@@ -106,7 +105,7 @@ def clearance_table(found: Analysis) -> Table:
     gaps = {one.name: one.clearances[np.isfinite(one.clearances)] for one in found.standings}
     rows: list[tuple[Cell, ...]] = [(name, *quantiles(values, (0.05, *_QUARTERS))) for name, values in gaps.items()]
     heads = [Column(q, ".3f", unit="m") for q in ("5 %", "q25", "median", "q75")]
-    note = "Negative: overlap, whoever closed the gap."
+    note = "Negative: overlap, no matter who caused it."
     return _table("Least clearance in a case", (Column("planner", code=True), *heads), rows, note)
 
 
@@ -228,7 +227,7 @@ def to_markdown_page(found: Analysis) -> str:
 
 def tests_table(found: Analysis) -> Table:
     """Return the tests of each planner against the first: who beats whom, by how much, and how sure that is."""
-    what = {"reached": "goal reached", "contact": "contact by the moving robot", "time": "time to goal"}
+    what = {"reached": "goal reached", "contact": "collision", "time": "time to goal"}
     rows: list[tuple[Cell, ...]] = []
     for test in found.tests:
         p_cells = p_text(test.p_value), _p_cell(test.p_holm, test)

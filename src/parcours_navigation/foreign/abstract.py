@@ -233,9 +233,9 @@ class AbstractDrive:
     # A process is kept at a point where nothing else keeps it.
 
     def _freeze(self, reference: int, after: int | None = None) -> bool:
-        """Stop the process if what it shall do next, once the event `after` is over, is not its turn yet.
+        """Stop the process if what it does next, once the event `after` is over, is not its turn yet.
 
-        Returns whether nothing is to be awaited of it: it stands, or what follows shows that the event is over.
+        Returns whether nothing is to be awaited from it: it is stopped, or what follows shows that the event is over.
         """
         to_do, slot = list(self._to_do[reference]), self._slots[reference]
         follows = to_do[1:] if after is not None else to_do

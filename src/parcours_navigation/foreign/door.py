@@ -54,7 +54,7 @@ PARAMETERS = (
     Parameter("faults", "text", "", "a file of faults, or lines: 'Planner: crash at 3 s'"),
     Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
     Parameter("master", "text", "", "address of a running ROS 1 master; else one of its own", decides=False),
-    Parameter("network", "text", "own", "whether its own master and the nodes are out of reach of everybody",
+    Parameter("network", "text", "own", "whether its own master and the nodes are isolated from the network",
               choices=("own", "shared"), decides=False),
 )  # fmt: skip
 
@@ -68,7 +68,7 @@ class RosStudy:
         binding: of any transport.
         doc: a sentence about the study.
         where: how a command line names it.
-        n_cases: how many abstract cases are run if nothing is said; None for each once.
+        n_cases: how many abstract cases are run by default; None for each once.
         defaults: other defaults of parameters.
         digests: what its results depend on beside its settings: name of a file -> digest.
     """

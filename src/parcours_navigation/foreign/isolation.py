@@ -130,6 +130,7 @@ def main(descriptor: int) -> None:
             enter_own_network()
         threading.Thread(target=_end_with_study, daemon=True, name="lifeline").start()
         _obey(order, lambda kind, content: line.send((kind, content)))
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends now anyway
         line.send(("end", None))
     except ParcoursError as error:
         line.send(("error", error))
@@ -153,6 +154,12 @@ def _obey(order: Order, say: Callable[[str, object], None]) -> None:
     from parcours_navigation.foreign.running import ForeignStudy, check_live
 
     binding, out = read_binding(order.binding), Path(order.out)
+    if order.only_check and binding.stack is not None:
+        from parcours_navigation.foreign.stack_nodes import check_stack
+
+        check_stack(binding)
+        say("result", {"proposals": []})
+        return
     with ForeignHost(binding, out / "nodes", order.master) as host:
         if order.only_check:
             say("result", {"proposals": check_live(host)})

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from parcours.abtc import require_cases
 from parcours.model.documents import Node
 from parcours.model.finding import errors_among
-from parcours.run.binding import Binding, check_binding
+from parcours.run.binding import check_binding
 from parcours_navigation.foreign.cases import abstract_scenes
 from parcours_navigation.foreign.door import PARAMETERS, SYSTEM, RosStudy
 
@@ -44,17 +43,14 @@ def read_ros(reader: StudyReader, root: Node) -> Study | None:
     cases = reader.integer(top["cases"], "cases", 0, 1_000_000) if "cases" in top else None
     if binding is None:
         return None
+    if binding.stack is not None:
+        rule = "a navigation stack is run by a study of kind planner, but this one's is ros"
+        reader.add(top.get("binding"), "binding-stack", rule, f"write kind: planner and planner: {path.name}")
+        return None
     if cases != 0 and next(abstract_scenes(binding, 1), None) is None:
         require_cases(binding.model, binding.model.source)
-    for file in _files(binding):
+    for file in binding.files:
         reader.digest(file)
     return RosStudy(
         reader.name(top), binding, reader.text(top.get("doc"), "doc"), str(reader.path), cases, defaults, reader.digests
     )
-
-
-def _files(binding: Binding) -> list[Path]:
-    """Return the files that results depend on: model, data, and what the nodes' commands name."""
-    named = [Path(file) for file in (binding.model.source, binding.data_file) if file]
-    words = [node.cwd / word for node in binding.nodes for word in node.command if not Path(word).is_absolute()]
-    return [file for file in dict.fromkeys([*named, *words]) if file.is_file()]

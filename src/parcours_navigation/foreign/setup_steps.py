@@ -1,4 +1,4 @@
-"""Does the steps of a binding between cases: sets and awaits parameters, calls services, publishes messages."""
+"""Does the steps of a binding between cases: parameters, services, messages, lifecycle nodes."""
 
 from __future__ import annotations
 
@@ -30,6 +30,8 @@ def act(session: Session, key: Literal["before_case", "after_case"]) -> None:
                 session.host.graph.set_parameter(action.name, _value(session, action, where))
             case "wait":
                 _wait(session, action, where)
+            case "life":
+                _lead(session, action, where)
             case _:
                 compiled = session.host.compile()
                 data = compiled.types.packed(compiled.calls[key, position].message(_known(session)))
@@ -72,6 +74,15 @@ def _wait(session: Session, action: Action, where: str) -> None:
     if (found := graph.parameter(action.name)) != wanted:
         rule = f"{action.name} must become {wanted!r} within {action.timeout:g} s, but is {found!r}"
         raise HostFailure(where, rule, slug="foreign-step")
+
+
+def _lead(session: Session, action: Action, where: str) -> None:
+    state, graph, until = str(action.value), session.host.graph, time.monotonic() + action.timeout
+    while not graph.lead(action.name, state):
+        session.poll(session.now() + 20_000_000)
+        if time.monotonic() > until:
+            rule = f"{action.name} must become {state} within {action.timeout:g} s, but does not"
+            raise HostFailure(where, rule, slug="foreign-step")
 
 
 def _call(session: Session, action: Action, data: bytes, where: str) -> None:

@@ -80,7 +80,7 @@ class Maker:
             return types.unpacked(f"{bound.type}Request", call.request)
         except Exception as error:  # whatever the generated code raises
             where = f"{self._compiled.binding.source}:{bound.line}: channel {channel!r}"
-            rule = f"a request must be a {bound.type}, but these {len(call.request)} bytes are none: {error}"
+            rule = f"a request must be a {bound.type}, but these {len(call.request)} bytes are not one: {error}"
             raise HostFailure(where, rule, "look at its sender", slug="message-size") from error
 
     def answer(self, relay: Relay, message: Message) -> None:

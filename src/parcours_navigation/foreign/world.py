@@ -28,7 +28,7 @@ Values = dict[str, object]
 
 START = (0.0, 0.0, 0.25 * math.pi)
 GOAL = (2.0, 2.0, 0.25 * math.pi)
-"""Where the robot starts and shall go, x [m], y [m], heading [rad] (section VI-B)."""
+"""The robot's start and goal, x [m], y [m], heading [rad] (section VI-B)."""
 
 PLACES = {
     f"{end}.{name}": value

@@ -60,7 +60,7 @@ def edges(occupied: NDArray[np.bool_], resolution: float, origin: tuple[float, f
 
 
 def require_cells(columns: int, rows: int, where: str) -> None:
-    """Raise BadGround unless a grid of so many cells can be had."""
+    """Raise BadGround if a grid has too many cells."""
     if columns * rows > MOST_CELLS:
         rule = f"a map has at most {MOST_CELLS} cells, but this one would have {columns} x {rows}"
         raise BadGround(where, rule, "take a coarser resolution or cut the map", slug="map-size")
@@ -75,7 +75,7 @@ def rasterise(
         packed: what `Ground.pack` returns.
         resolution: side of a cell [m].
         area: what is covered at least, from its lower left corner, x0, y0, x1, y1 [m], shape (4,).
-        rim: so many rows and columns more, on all sides.
+        rim: this many rows and columns more, on all sides.
         origin: lower left corner of the area, if its own is not meant [m].
 
     Raises:

@@ -46,7 +46,7 @@ from parcours_navigation.ground.shapes import (
 )
 
 PIECE = 4.0
-"""A longer way is looked at in pieces of so many cells."""
+"""A longer way is looked at in pieces of this many cells."""
 
 
 @kernel

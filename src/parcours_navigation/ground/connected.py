@@ -26,7 +26,7 @@ MOST_POINTS = 4_000_000
 """Points of the lattice at most."""
 
 _SHADOW = 0.70710679
-"""A place is within so many spacings of the nearest point of a lattice: half a diagonal, rounded up."""
+"""A place is within this many spacings of the nearest point of a lattice: half a diagonal, rounded up."""
 
 Place = tuple[float, float]
 

@@ -29,7 +29,7 @@ def table(given: ArrayLike, columns: int, where: str) -> Floats:
     """Return what was given as numbers, shape (n, columns), read-only.
 
     Raises:
-        BadGround: it is not a table of so many columns, or a number is not finite or beyond FARTHEST.
+        BadGround: it is not a table with this many columns, or a number is not finite or beyond FARTHEST.
 
     >>> table([[0, 0, 1, 0]], 4, "walls").shape
     (1, 4)

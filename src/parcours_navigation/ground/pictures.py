@@ -49,7 +49,7 @@ def read_bytes(path: Path, slug: str, most: int) -> bytes:
     """Return what a file holds.
 
     Raises:
-        BadGround: it is not an ordinary file, cannot be read, or has more than so many bytes.
+        BadGround: it is not an ordinary file, cannot be read, or has too many bytes.
     """
     try:
         if not path.is_file():  # nor a pipe, which might never end

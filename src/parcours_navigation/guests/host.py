@@ -342,7 +342,7 @@ class Host:
         count, first, step, reach, _, _ = staged.scene.scan
         scan = Scan(self._ranges, first, step, reach) if count else None
         shown, path = staged.map, staged.path
-        if shown is not None:  # what the planner does with it shall not reach the next case
+        if shown is not None:  # what the planner does with it must not reach the next case
             shown = Map(shown.cells.copy(), shown.resolution, shown.origin)
         if path is not None:
             path = path.copy()

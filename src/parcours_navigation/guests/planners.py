@@ -40,12 +40,15 @@ SHIPPED = {
 }
 """Planners that ship with Parcours and are run as anybody's are."""
 
+STACKS = "parcours_navigation.foreign.stack"
+"""What makes planners of the bindings of navigation stacks."""
+
 GROUP = "parcours.planners"
 """Entry points by which packages add planners: a planner's class, or an `OwnLoop`."""
 
 _process_id = os.getpid  # that of this file, whatever a planner makes of the function
 
-_REMEDY = "name a planner that ships with Parcours, package.module:Name, or path/to/file.py:Name"
+_REMEDY = "name a planner that ships with Parcours, package.module:Name, path/to/file.py:Name, or a binding's file"
 
 Observe = Callable[[Observation], Answer]
 PlannerLike = str | type | Observe | object
@@ -105,6 +108,8 @@ def source_of(planner: str) -> Source | None:
     """
     if planner in names():
         return None
+    if is_stack(planner):
+        return cast(Source, importlib.import_module(STACKS).source_of_stack(planner))
     where, _ = _parts(planner)
     if _is_file(where):
         return _read(planner, Path(where))
@@ -127,6 +132,8 @@ def located(planner: PlannerLike) -> PlannerLike:
     """
     if not isinstance(planner, str) or planner in names():
         return planner
+    if is_stack(planner):
+        return str(Path(planner).absolute())
     where, attribute = _parts(planner)
     return f"{Path(where).absolute()}:{attribute}" if _is_file(where) else planner
 
@@ -135,8 +142,9 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     """Return a planner that is ready to be asked. The current folder is importable.
 
     Args:
-        planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", or the
-            class, function or object itself. What it prints while it is loaded goes to standard error.
+        planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", the
+            binding of a navigation stack, or the class, function or object itself. What it prints while it is loaded
+            goes to standard error.
         source: what its file held when it was first read; by default it is read now.
 
     Raises:
@@ -147,6 +155,9 @@ def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     >>> load_planner(lambda observation: (0.0, 0.0)).reset is None
     True
     """
+    if isinstance(planner, str) and is_stack(planner):
+        write_place("its binding")
+        return _ready(planner, importlib.import_module(STACKS).StackPlanner(planner))
     if isinstance(planner, str):
         where, attribute = _parts(planner)
         write_place("the import of its module")
@@ -170,6 +181,15 @@ def _parts(planner: str) -> tuple[str, str]:
         rule = "must be a known name, or say what to take from where after a colon"
         raise BadRequest(f"planner {planner!r}", rule, f"{_REMEDY}; {one_of(planner, names())}", slug="planner-unknown")
     return where, attribute
+
+
+def is_stack(planner: str) -> bool:
+    """Return whether a planner's name is that of the binding of a navigation stack.
+
+    >>> is_stack("robot.yaml"), is_stack("orca")
+    (True, False)
+    """
+    return planner.endswith((".yaml", ".yml"))
 
 
 def _is_file(where: str) -> bool:

@@ -176,7 +176,7 @@ def _bench_mr(runs: Runs, mode: str) -> Table:
 
 
 def _contacts(facts: NDArray[np.void]) -> NDArray[np.int64]:
-    """Return all contacts of each run, whoever closed the gap."""
+    """Return all contacts of each run, no matter who caused them."""
     return np.asarray(facts["n_robot_contacts"] + facts["n_shared_contacts"] + facts["n_obstacle_contacts"])
 
 

@@ -1,6 +1,6 @@
 """Takes all MEASURES of one run, compiled, without allocation.
 
-What each field means is said in `table`. An interval of no duration, two entries of the same time, counts for positions
+`table` says what each field means. An interval of no duration, two entries of the same time, counts for positions
 only.
 """
 

@@ -52,7 +52,7 @@ class Runs:
 
     @property
     def touched(self) -> NDArray[np.bool_]:
-        """Whether robot and obstacle ever were in contact, whoever closed the gap, shape (n,)."""
+        """Whether robot and obstacle ever were in contact, no matter which caused it, shape (n,)."""
         return np.asarray(self.facts["t_contact"] != NEVER)
 
     @property

@@ -77,7 +77,7 @@ def drawn(
     """Return all others of one case, clear of each other, of walls and of what is taken.
 
     Args:
-        others: whoever moves; each entry has a stream of its own, so another entry changes only who stands where.
+        others: what moves; each entry has a stream of its own, so another entry changes only who stands where.
         seed: the campaign's.
         case: number of the case.
         is_free: says where no wall is.

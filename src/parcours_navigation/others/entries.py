@@ -1,4 +1,4 @@
-"""Others as a world file gives them: so many that move alike, checked."""
+"""Others as a world file gives them: groups that move alike, checked."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Others:
     speed_spread: float = 0.0  # standard deviation of it; drawn speeds keep within three of them and above 0 [m/s]
     area: Box | None = None  # where they begin and drawn goals lie [m]
     places: tuple[Point, ...] = ()  # where they begin instead, one for each [m]
-    group: int = 1  # they walk in groups of so many; the last one may be smaller
+    group: int = 1  # the size of the groups they walk in; the last one may be smaller
     yields: float = 1.0  # share of the people that give way to the robot
     effort: float = 1.0  # ... and how much of the avoiding these do; 0.5 if the robot does the other half
     start: tuple[float, float] = (0.0, 0.0)  # each stands until a time drawn between these [s]

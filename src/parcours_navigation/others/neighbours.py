@@ -22,7 +22,7 @@ from parcours_navigation.protocol import Floats
 Integers = NDArray[np.int64]
 
 FEW = 32
-"""Up to so many bodies are searched one by one."""
+"""Up to this many bodies are searched one by one."""
 
 _P, _Q = 73856093, 19349663
 

@@ -49,7 +49,7 @@ def picture(agents: Record, obstacles: Record, now: int, bodies: Floats) -> floa
         if agent.kind >= FORCE:
             farthest = max(farthest, agent.reach)
         if now >= obstacles[i].stop or now < agent.start:
-            continue  # whoever was stopped, or waits, avoids nobody
+            continue  # one that was stopped, or waits, avoids nobody
         bodies[i, 2], bodies[i, 3] = agent.vx, agent.vy
         bodies[i, 5] = 1.0 if agent.kind == ORCA else 0.0
     return farthest

@@ -67,7 +67,7 @@ def read_tracks(path: Path) -> Tracks:
     """Return the tracks of a CSV file with the columns agent, t [s], x [m], y [m]; agents in the order they appear.
 
     Raises:
-        BadRequest: the file cannot be read as UTF-8 text, a column is missing, a number is none, or times of an agent
+        BadRequest: the file cannot be read as UTF-8 text, a column is missing, a number is bad, or times of an agent
             do not increase; with the line.
     """
     remedy = f"give a CSV file with the columns {', '.join(COLUMNS)}"

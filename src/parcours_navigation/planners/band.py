@@ -23,7 +23,7 @@ TIMES, SPEEDS, ROLLING, GAPS = range(4)
 """Places of the weights: of times, of speeds and accelerations over their limits, of slipping aside, of gaps."""
 
 WIDTH = 11
-"""Numbers of the matrix in each row: acceleration links so many variables in a row."""
+"""Numbers of the matrix in each row: acceleration links this many variables in a row."""
 
 SHORTEST = 0.02
 """No time between two poses is less [s]."""
@@ -231,7 +231,7 @@ def _hold(matrix: Floats, right: Floats, k: int, n: int) -> None:
 def tighten(
     band: Floats, n: int, obstacles: Floats, setting: Setting, iterations: int, matrix: Floats, right: Floats
 ) -> float:
-    """Pull the first n poses tight in so many steps, and return their cost; the first pose and the last place stay.
+    """Pull the first n poses tight in this many steps, and return their cost; the first pose and the last place stay.
 
     `matrix` and `right` are working memory, shapes (>= 4 n, WIDTH) and (>= 4 n,).
     """

@@ -92,7 +92,7 @@ def brake(start: Floats, h: float, limits: Floats, controls: Floats) -> None:
 
 @kernel
 def shift(controls: Floats, steps: float) -> None:
-    """Move accelerations on by this many of their steps; what comes after their end is none."""
+    """Move accelerations on by this many of their steps; after their end they are zero."""
     n = len(controls)
     for k in range(n):
         at = k + min(steps, 1e6)

@@ -21,7 +21,7 @@ Ints = NDArray[np.int64]
 
 @kernel
 def octile(di: int, dj: int) -> float:
-    """Return the length [cells] of the shortest way between cells so many rows and columns apart.
+    """Return the length [cells] of the shortest way between cells this many rows and columns apart.
 
     >>> octile(3, 0), round(octile(-1, 3), 6)
     (3.0, 3.414214)

@@ -64,7 +64,7 @@ def settle(
     matrix: Floats,
     right: Floats,
 ) -> tuple[int, float]:
-    """Return (n, cost) of a band after `rounds` of resizing and so many steps of tightening; see `band.tighten`."""
+    """Return (n, cost) of a band after `rounds` of resizing and this many steps of tightening; see `band.tighten`."""
     cost = 0.0
     for _ in range(rounds):
         n = resize(band, n, wanted, _LEAST)
@@ -77,7 +77,7 @@ OPTIONS: Options = {
     "step": (0.35, 0.05, 5.0, "s"),  # time between poses, about
     "most_poses": (40, 8, 500, ""),  # longer bands have longer times
     "rounds": (2, 1, 50, ""),  # in each period poses are put in or taken out so often
-    "iterations": (4, 1, 100, ""),  # each time followed by so many steps of tightening
+    "iterations": (4, 1, 100, ""),  # each time followed by this many steps of tightening
     "afresh": (4, 1, 1000, ""),  # other sides are tried in each such period
     "times": (5.0, 1e-6, 1e6, ""),  # weight of the squares of times
     "speeds": (20.0, 0.0, 1e6, ""),  # ... of the shares by which speeds and accelerations exceed limits

@@ -160,6 +160,27 @@ def violations(facts: Facts, requirements: Requirements) -> Values:
     return np.where(np.isnan(values), np.nan, (values < 0.0).astype(np.float64))
 
 
+RATES = {
+    "contacts": Outcome.COLLIDED,
+    "reached": Outcome.REACHED,
+    "late": Outcome.UNDER_WAY,
+    "blocked": Outcome.BLOCKED,
+    "stuck": Outcome.STUCK,
+    "astray": Outcome.ASTRAY,
+    "errors": Outcome.ERROR,
+}
+"""Rates of outcomes, by name."""
+
+
+def rates(facts: Facts, requirements: Requirements) -> dict[str, Values]:
+    """Return what each case counts, 0 or 1, for the rates of outcomes, of failures, and of violated requirements."""
+    codes, violated = outcomes(facts), violations(facts, requirements)
+    found = {name: (codes == int(outcome)).astype(np.float64) for name, outcome in RATES.items()}
+    bad = [one in (Verdict.FAIL, Verdict.ERROR) for one in verdicts(facts, requirements)]
+    found["failed"] = np.array(bad, np.float64)
+    return found | {f"violated({one.name})": violated[:, k] for k, one in enumerate(requirements.formulas)}
+
+
 def finite_robustness(facts: Facts, requirements: Requirements) -> Values:
     """Return the robustness with FAR in place of infinity, for statistics; shape of `robustness`."""
     return np.clip(robustness(facts, requirements), -FAR, FAR)

@@ -65,7 +65,7 @@ class Program:
     constants: NDArray[np.float64]
 
     def memory(self, n_samples: int) -> NDArray[np.float64]:
-        """Return memory for tracks of at most so many samples, shape (n_rows, n_samples)."""
+        """Return memory for tracks of at most this many samples, shape (n_rows, n_samples)."""
         first = len(self.wanted)
         rows = np.zeros((first + len(self.constants) + len(self.code), n_samples))
         rows[first : first + len(self.constants)] = self.constants[:, np.newaxis]

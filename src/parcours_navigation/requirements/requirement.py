@@ -161,7 +161,7 @@ def _unit(parsed: Parsed) -> str:
 
 
 def read_requirements(require: str, fail: str = "", measure: str = "") -> Requirements:
-    """Return the requirements of options: `name: formula`, rules, and `name: measure`, parted by `;` or lines.
+    """Return the requirements of options: `name: formula`, rules, and `name: measure`, separated by `;` or lines.
 
     Raises BadRequest: as `requirements_of`, or a name is missing or given twice.
 
@@ -197,7 +197,7 @@ def _named(given: str, option: str, what: str, example: str) -> dict[str, str]:
 def kept(parameters: Mapping[str, object], where: str) -> Requirements:
     """Return the requirements that a campaign's manifest holds (`Requirements.manifest`); none if it holds none.
 
-    Raises BadResults: they are none.
+    Raises BadResults: they are not requirements.
     """
     given = parameters.get("requirements")
     if given is None:

@@ -64,7 +64,7 @@ _ENDS = {
     "travelled": Meaning("m", "length of the robot's way when the case ended"),
     "halts": Meaning("1", "how often the planner signalled imminent collision"),
     "switches": Meaning("1", "how often the planner changed what it follows"),
-    "contacts": Meaning("1", "contacts that the robot closed, alone or not"),
+    "contacts": Meaning("1", "contacts that the robot caused, alone or not"),
 }
 
 VALUES: dict[str, Meaning] = _ENDS | {

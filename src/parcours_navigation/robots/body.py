@@ -11,7 +11,7 @@ UNICYCLE, DIFFERENTIAL, CAR, HOLONOMIC = range(4)
 """Kinds of drives."""
 
 MOST_DELAY = 100
-"""A command takes effect after at most so many ticks."""
+"""A command takes effect after at most this many ticks."""
 
 BODY = np.dtype(
     [

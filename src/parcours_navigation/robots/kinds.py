@@ -111,7 +111,7 @@ class Body:
 
     @property
     def limits(self) -> Limits:
-        """What planners are told of its limits."""
+        """What planners know of its limits."""
         if self.kind == "differential":
             half = 0.5 * self.track_width
             speed, rate = min(self.speed, self.wheel_speed), min(self.yaw_rate, self.wheel_speed / half)
@@ -120,7 +120,7 @@ class Body:
 
     @property
     def robot(self) -> Robot:
-        """What planners are told of its kind and shape."""
+        """What planners know of its kind and shape."""
         corners: Floats | None = np.array(self.footprint, np.float64) if self.footprint else None
         return Robot(self.kind, corners, self.track_width, self.wheelbase, self.steering, self.steering_rate)
 

@@ -28,7 +28,7 @@ WORLDS = (
 """What the cases of planners in worlds of their own depend on."""
 REQUIREMENTS = (
     Parameter("require", "text", "", "what must hold of every case: 'keeps-away: always clearance > 0.05; ...'"),
-    Parameter("fail", "text", "", "a case of which this holds has failed: 'clearance < 0.05 or time > 30; ...'"),
+    Parameter("fail", "text", "", "a case fails if this holds: 'clearance < 0.05 or time > 30; ...'"),
 )
 """What is required of the cases beside the sound outcome (docs/requirements.md)."""
 

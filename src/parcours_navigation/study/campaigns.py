@@ -149,7 +149,7 @@ def load_results(folder: Path) -> NavigationResults:
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
     facts = facts_of(store, folder)
     return NavigationResults(
-        campaign.schedule, cases, scenario, source, facts, campaign.n_cases, requirements=requirements
+        campaign.schedule, cases, scenario, source, facts, store.planned, requirements=requirements
     )
 
 

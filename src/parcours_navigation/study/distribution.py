@@ -77,7 +77,7 @@ NOTE = (
 
 
 def reached(facts: Facts) -> NDArray[np.bool_]:
-    """Return in which cases the goal was reached in time, and no obstacle touched by the moving robot."""
+    """Return in which cases the goal was reached in time, without a collision caused by the robot."""
     return np.asarray(outcomes(facts) == int(Outcome.REACHED))
 
 
@@ -91,7 +91,7 @@ def spl_of(facts: Facts, straight: Values | None = None) -> Values:
     """Return success weighted by path length of each case, shape (n_cases,).
 
     Success is `reached`; the shortest way is the straight line to the goal's tolerance, which no way undercuts: that of
-    the paper's arena, or one a case [m].
+    the paper's arena, or one per case [m].
     """
     if straight is None:
         straight = np.full(len(facts), shortest_way(START, GOAL, GOAL_TOLERANCE))
@@ -101,7 +101,7 @@ def spl_of(facts: Facts, straight: Values | None = None) -> Values:
 def sct_of(facts: Facts, earliest: Values) -> Values:
     """Return success weighted by the earliest conceivable arrival [s] over the time taken, shape (n_cases,).
 
-    NaN where `earliest` is not finite: nobody could have arrived, or nobody asked.
+    NaN where `earliest` is not finite: no robot could have arrived, or no oracle was asked.
     """
     return sct(reached(facts), np.where(np.isfinite(earliest), earliest, np.nan), time_to_goal(facts))
 

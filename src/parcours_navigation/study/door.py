@@ -17,6 +17,7 @@ from parcours_navigation.cases.family import LONGEST, PUBLISHED_CASES
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.guests.planners import names, own_loop
 from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.remarks import remarks
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.asking import (
@@ -54,6 +55,7 @@ class Navigation:
     where: str = "navigation"
     family: str = "navigation"
     compiles: bool = True
+    stops: bool = True
     planner: str = ""  # the planner that is run if none is named; a study.yaml of kind `planner` names one
     defaults: tuple[tuple[str, object], ...] = ()
     n_cases: int = PUBLISHED_CASES
@@ -110,6 +112,7 @@ class Navigation:
         return run_numbered(
             self.name, self.where, study, request.n_cases or self.n_cases, chosen, question_of(self, request),
             int(request.settings["workers"]), request, progress, str(request.settings["planner"]),
+            lambda facts: rates(facts, study.requirements),
         )  # fmt: skip
 
     def read(self, folder: Path) -> Results:

@@ -13,12 +13,12 @@ from parcours_navigation.study.analysis import ASKED, Ended
 from parcours_navigation.study.distribution import distribution_table
 
 OUTCOME_WORDS = {
-    Outcome.COLLIDED: "the moving robot touched an obstacle",
+    Outcome.COLLIDED: "collision caused by the robot",
     Outcome.REACHED: "goal reached in time",
     Outcome.UNDER_WAY: "goal reached later",
-    Outcome.BLOCKED: "nobody could reach the goal",
-    Outcome.STUCK: "stopped for ever",
-    Outcome.ASTRAY: "never arrived",
+    Outcome.BLOCKED: "goal could not be reached",
+    Outcome.STUCK: "stopped for good",
+    Outcome.ASTRAY: "goal not reached",
 }
 """Outcomes as a reader of tables meets them; Outcome.ERROR is shown only where there is one."""
 
@@ -48,14 +48,14 @@ def outcome_table(ended: Mapping[str, Ended]) -> Table:
     ]
     if all(one.signals for one in every):
         rows = [cases, *paper, *_counted(ended)]
-        note = "First the paper's results by its own rule, with Wilson 95 % intervals; then sound outcomes, one a case."
+        note = "First the paper's results by its own rule, with Wilson 95 % intervals; then one sound outcome per case."
     else:
         passed, failed = (
             (words, *(_share(_of(one, verdict), one.n) for one in every))
             for words, verdict in (("passed", Verdict.PASS), ("failed", Verdict.FAIL))
         )
         rows = [cases, passed, failed, *_counted(ended)]
-        note = "Shares of all cases, with Wilson 95 % intervals; then the sound outcomes, one a case."
+        note = "Shares of all cases, with Wilson 95 % intervals; then the sound outcomes, one per case."
         if any(one.signals for one in every):
             rows += paper
             note += " Last what the paper's own rule says of planners that signal imminent collision, which it needs."

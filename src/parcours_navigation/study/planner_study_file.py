@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from parcours.model.documents import Node, Scalar, Sequence
 from parcours.study.loading import file_of, is_target
 from parcours_navigation.cases.family import PUBLISHED_CASES
-from parcours_navigation.guests.planners import names
+from parcours_navigation.guests.planners import is_stack, names, source_of
 from parcours_navigation.requirements.requirement import located, requirements_of
 from parcours_navigation.study.door import Navigation
 from parcours_navigation.worlds.file import shipped
@@ -21,13 +21,19 @@ if TYPE_CHECKING:
 def read_planner(reader: StudyReader, root: Node) -> Study | None:
     """Return the study of a document; findings are added to the reader.
 
-    Keys: `planner` (a shipped name, file.py:Name or module:Name), `cases`, and `settings`, which gives parameters of
-    the navigation study other defaults.
+    Keys: `planner` (a shipped name, file.py:Name, module:Name, or the binding of a navigation stack), `cases`, and
+    `settings`, which gives parameters of the navigation study other defaults.
     """
     top = reader.keys(root, ("planner",), ("cases", "settings", "require", "fail", "measures"))
     node = top.get("planner")
     planner = reader.text(node, "planner")
-    if node is not None and planner not in names():
+    if node is not None and is_stack(planner):
+        file = reader.file(node, "planner", planner)
+        planner = "" if file is None else str(file.absolute())
+        with reader.noting(node, "planner"):
+            if file is not None:
+                source_of(planner)
+    elif node is not None and planner not in names():
         planner = reader.target(node, "planner")
         path = file_of(planner, reader.folder) if is_target(planner) else None
         if path is not None:

@@ -13,9 +13,12 @@ from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
+from parcours.study.tabling import TableColumn, field_columns, input_columns
 from parcours.verdict.judgement import Verdict
+from parcours_navigation.facts import UNITS
+from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
-from parcours_navigation.requirements.judging import explained, finite_robustness, own_values, verdicts, violations
+from parcours_navigation.requirements.judging import RATES, explained, finite_robustness, own_values, rates, verdicts
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
@@ -23,15 +26,6 @@ from parcours_navigation.study.distribution import SHOWN, measured, straight_way
 from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
 from parcours_navigation.study.still import animation
 
-_RATES = {
-    "contacts": Outcome.COLLIDED,
-    "reached": Outcome.REACHED,
-    "late": Outcome.UNDER_WAY,
-    "blocked": Outcome.BLOCKED,
-    "stuck": Outcome.STUCK,
-    "astray": Outcome.ASTRAY,
-    "errors": Outcome.ERROR,
-}
 _LESS_IS_WORSE = {
     "min_clearance",
     "mean_clearance",
@@ -60,13 +54,10 @@ class CampaignResults:
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
         facts = self.found.facts
-        codes = outcomes(facts)
+        counted = rates(facts, self.found.requirements)
         found = {
-            name: Measure((codes == int(outcome)).astype(float), worse="less" if name == "reached" else "more")
-            for name, outcome in _RATES.items()
+            name: Measure(values, worse="less" if name == "reached" else "more") for name, values in counted.items()
         }
-        judged = verdicts(facts, self.found.requirements)
-        found["failed"] = Measure(np.array([one in (Verdict.FAIL, Verdict.ERROR) for one in judged], float))
         straight = straight_ways(self.found.cases, facts["number"], facts["measures"])
         for name, values in measured(facts, facts["measures"], straight=straight).items():
             worse = "less" if name in _LESS_IS_WORSE else "more"
@@ -74,12 +65,26 @@ class CampaignResults:
         for name, values in own_values(facts, self.found.requirements).items():
             units = {one.name: one.unit for one in self.found.requirements.measures}
             found[name] = Measure(np.where(np.isfinite(values), values, np.nan), "quantity", units[name], "more")
-        violated = violations(facts, self.found.requirements)
         values = finite_robustness(facts, self.found.requirements)
         for k, one in enumerate(self.found.requirements.formulas):
-            found[f"violated({one.name})"] = Measure(violated[:, k])
             found[f"robustness({one.name})"] = Measure(values[:, k], "quantity", one.unit, "less")
         return found
+
+    def columns(self) -> Mapping[str, TableColumn]:
+        """Return what is known of the cases: ids, start vectors, outcomes, facts, test inputs and their blocks."""
+        facts, cases = self.found.facts, self.found.cases
+        numbers = facts["number"]
+        words = np.array([one.name.lower() for one in Outcome])
+        found = {
+            "case": TableColumn(lambda: np.array([self._id(cases.id(int(number))) for number in numbers])),
+            "planner": TableColumn(lambda: np.full(len(facts), self.label)),
+            "start": TableColumn(lambda: np.array([".".join(map(str, cases.vector(int(n)))) for n in numbers])),
+            "verdict": TableColumn(lambda: np.array([str(one) for one in verdicts(facts, self.found.requirements)])),
+            "outcome": TableColumn(lambda: words[outcomes(facts)]),
+        }
+        # of what `measures` calls by the same name, that is meant: its path_length is not the sum of the track's chords
+        found |= field_columns(facts, UNITS | {one.name: one.unit for one in METRICS}, tuple(SHOWN))
+        return found | input_columns(cases.inputs, lambda: cases.values(numbers), {*found, *SHOWN, *RATES, "failed"})
 
     def replay(self, case: str) -> Page:
         """Return the replay of a case: a re-simulation that must give the same bits."""

@@ -174,7 +174,7 @@ class NavigationStudy:
         return joined(facts, monitor.results if monitor else {}, self.requirements, monitor.own if monitor else {})
 
     def _excuse(self, facts: NDArray[np.void]) -> None:
-        """Note of which cases of a world, that were not solved, nobody could have solved them."""
+        """Note which of the unsolved cases of a world were unsolvable."""
         lost = (facts["t_goal"] == NEVER) & (facts["t_goal_after"] == NEVER) & (facts["error"] == 0)
         if isinstance(self.cases, WorldCases) and lost.any():
             known = solve_worlds(self.cases, facts["number"][lost], limit=self.scenario.time_limit)

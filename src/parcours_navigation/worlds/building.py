@@ -1,7 +1,7 @@
 """Builds dataclasses from nodes of YAML by their type hints; numbers are expressions that may name inputs.
 
 A mapping becomes a dataclass whose fields are its keys, a list a tuple. Where several dataclasses are possible, the
-field that all of them have as a `Literal` says which (`kind: car`). What a dataclass refuses is said at its line.
+field that all of them have as a `Literal` says which (`kind: car`). What a dataclass refuses is reported with its line.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class Builder(NodeReader):
             self.add(node, error.slug, f"{what}: {error.rule}", remedy)
             return 0
         if isinstance(found, bool) or not isinstance(found, int | float):
-            self.add(node, "number", f"{what}: a number must stand here, but {brief(text)} is none")
+            self.add(node, "number", f"{what}: a number must stand here, but {brief(text)} is not one")
             return 0
         if not math.isfinite(found):
             self.add(node, "number", f"{what}: a finite number must stand here, but {brief(text)} is {found:g}")

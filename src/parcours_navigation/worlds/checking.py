@@ -16,7 +16,7 @@ from parcours_navigation.worlds.solving import solve_worlds
 
 PERIOD = 0.05  # Between observations, as planners are asked by default [s]
 _ENOUGH = 5
-"""If none of so many first cases can be made, no other is tried: to refuse a drawn ground takes seconds."""
+"""If none of this many first cases can be made, no other is tried: refusing a drawn ground takes seconds."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,7 +72,7 @@ class World:
         """Return the line of what a message calls `task, goal` or `others 2, number`; where unknown, the nearest above.
 
         Args:
-            where: keys from the top on, parted by commas; an item of a list is its name and number; or a file's path.
+            where: keys from the top, separated by commas; an item of a list is its name and number; or a file's path.
         """
         if "/" in where:
             tracks = [one for one in _named(self.root, "tracks") if where.startswith(str(self.folder / one.text))]

@@ -90,7 +90,7 @@ def ways(
     _gaps(packed, left, bottom, step, gaps)
     first, last = ((round((v - bottom) / step), round((u - left) / step)) for u, v in ((x, y), (goal_x, goal_y)))
     # The nearest point of the lattice is within step / sqrt(2) of the body, and clearance changes no faster than place:
-    # whoever gets through leads a shadow over these points, from one to a neighbour.
+    # one who gets through leads a shadow over these points, from one to a neighbour.
     shadows, _ = label(gaps > inner - 0.5 * _DIAGONAL * step, np.ones((3, 3)))
     reach = int(np.ceil(tolerance / step)) + 1
     around = shadows[max(last[0] - reach, 0) : last[0] + reach + 1, max(last[1] - reach, 0) : last[1] + reach + 1]

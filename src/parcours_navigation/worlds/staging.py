@@ -98,7 +98,7 @@ GENERATORS: dict[str, Callable[..., Site]] = {
     "barn": barn, "barn-300": barn_world, "corridor": corridor, "cylinders": cylinders, "doorway": doorway,
     "office": office, "warehouse": warehouse,
 }  # fmt: skip
-"""What `kind` of `ground: {generated: ...}` may be; `barn-300` are the 300 worlds, one a case, and again."""
+"""What `kind` of `ground: {generated: ...}` may be; `barn-300` are the 300 worlds, one per case, and again."""
 
 
 def _generated(given: dict[str, Any], seed: int, number: int, radius: float) -> Site:

@@ -15,7 +15,7 @@ from parcours.cli.options import seed, workers
 )
 @click.option(
     "--delayed", type=click.IntRange(1, 1_000_000), show_default="300, or --cases if fewer",
-    help="Cases a point of the curves over added delays.",
+    help="Cases per point of the curves over added delays.",
 )  # fmt: skip
 @seed
 @workers

@@ -12,10 +12,10 @@ import click
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
 @click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="Of each timing case.")
 @click.option(
-    "--warm-up", type=click.IntRange(0, 10_000), default=3, show_default=True, help="Repeats that are forgotten."
+    "--warm-up", type=click.IntRange(0, 10_000), default=3, show_default=True, help="Repeats that are discarded."
 )
 @click.option(
-    "--percent", type=float, default=95.0, show_default=True, help="So many of all repeats must stay in time."
+    "--percent", type=float, default=95.0, show_default=True, help="Percentage of all repeats that must stay in time."
 )
 def command(suite: Path, out: Path, repeats: int, warm_up: int, percent: float) -> None:
     """Write a C++ program of Google Test that runs component cases against live ROS 1 nodes.

@@ -11,7 +11,7 @@ import click
               help="http://host:port; ROS_MASTER_URI by default.")  # fmt: skip
 @click.option("--program", default="", help="module:callable of what runs in the nodes, instead of RAMP's components.")
 def command(study: str, master: str, program: str) -> None:
-    """Start the nodes of a study; they serve one tester after the other, until Ctrl-C.
+    """Start the nodes of a study; they serve one tester after another, until Ctrl-C.
 
     Example: parcours nodes ramp_components --master http://127.0.0.1:11311
     """

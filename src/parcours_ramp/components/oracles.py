@@ -42,7 +42,7 @@ def fitness_range(trace: Trace) -> Judgement:
 
 
 def path_is_modified(trace: Trace) -> Judgement:
-    """ITP3: modified path != previous path; a knot drawn anew may fall close to where it was."""
+    """ITP3: modified path != previous path; a knot drawn again may fall close to where it was."""
     asked: dict[str, messages.ModificationRequest] = {}  # by the instance that received it last
     moved: list[float] = []
     for event in trace.events:

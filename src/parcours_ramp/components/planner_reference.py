@@ -313,9 +313,7 @@ class _Planner(Told):
             n = min(round(parameters.control_period / SAMPLE) + 1, int(moving["n"]))
             wanted = now, 0, n, 0.0, parameters.may_leave
         if tuple(payload.window) != wanted:
-            wrong.append(
-                f"it must look at begin, samples, margin, leave {wanted}, but looks at {tuple(payload.window)}"
-            )
+            wrong.append(f"(begin, samples, margin, leave) must be {wanted}, but is {tuple(payload.window)}")
         if self.guarded and self.cycle == "sensing" and self.obstacles is not None and not wrong:
             found = meets(moving, begins, first, last, margin, payload.drift, self.obstacles, parameters)
             if found and not self.halted:

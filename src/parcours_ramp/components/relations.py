@@ -66,7 +66,7 @@ def mirrored(channel: str, payload: object) -> object:
 
 
 def mirrored_answer(channel: str, message: object) -> object:
-    """Exchange x and y of the trajectories that answer; of everything else nothing is said."""
+    """Exchange x and y of the trajectories that answer; everything else is left open."""
     if channel != "trajectory_response" or not isinstance(message, Mapping) or message["cycle"] != _SENSING:
         return None
     return {"trajectories": [_mirrored(one) for one in message["trajectories"]]}
@@ -76,7 +76,7 @@ def _mirrored(one: Message) -> Message:
     points = [
         {"x": s["y"], "y": s["x"], "heading": _turned(s["heading"]), "v": s["v"], "w": -s["w"]} for s in one["points"]
     ]
-    # Of its outline nothing is said: where rounding decides, the same way has a leg more. The reference judges it.
+    # Its outline is left open: where rounding decides, the same way has a leg more. The reference judges it.
     return {**one, "points": points, "legs": None, "first_heading": _turned(one["first_heading"])}
 
 

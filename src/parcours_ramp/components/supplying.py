@@ -209,7 +209,7 @@ class Supply:
         return messages.EvaluationRequest(self._sensing, trajectories, predictions, drift, heading, halted, window)
 
     def _modification_request(self) -> messages.ModificationRequest:
-        """Ask for an operator that changes a path of so many knots, begun somewhere, near an obstacle somewhere."""
+        """Ask for an operator that changes a path of that many knots, begun somewhere, near an obstacle somewhere."""
         modification, path = messages.one(messages.MODIFICATION), self._path()
         path.x[: path.n] += self._stream.uniform(0.0, self._parameters.arena)
         path.y[: path.n] += self._stream.uniform(0.0, self._parameters.arena)

@@ -32,13 +32,13 @@ SHOWN = tuple(_TONE)  # all outcomes, from welcome to unwelcome
 _GROUPS = {"topics": "Messages sent unasked", "services": "Questions and answers", "components": "Components"}
 
 _NOTE = (
-    "Cases per fault and outcome. *Not struck*: nothing was sent that the fault could befall. *No effect*: the goal "
+    "Cases per fault and outcome. *Not struck*: nothing was sent that the fault could hit. *No effect*: the goal "
     "within 1 s of when it is reached without the fault. *Recovers*: later, after the fault is over. *Late*: later, "
     "with it still in force. *Stops safely*: stands without contact while the fault is in force. *Stuck*: stands "
     "though the fault is over. *Coasts*: the goal, with a component dead or hung. *Runs on*: still moves at the end. "
-    "*Contact*: the robot, moving, closed the gap to an obstacle. "
+    "*Contact*: a collision that the robot caused. "
     "*Rest after*: the longest time from the fault, or a death by it, until a robot that stops or is stuck stood. "
-    "*Died or hangs*: components that raised because of a message, or did nothing at the end, in so many cases."
+    "*Died or hangs*: components that raised because of a message, or did nothing at the end, with the number of cases."
 )
 
 

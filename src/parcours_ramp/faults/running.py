@@ -32,7 +32,7 @@ _BLOCK, _MOST = 64, 4096  # Cases are looked at by blocks, and at most this numb
 
 @dataclass(frozen=True, slots=True)
 class FaultRow:
-    """One entry of the catalogue under one schedule, with an outcome a case."""
+    """One entry of the catalogue under one schedule, with one outcome per case."""
 
     schedule: str
     entry: Entry
@@ -94,7 +94,7 @@ def good_cases(
             for kept, f in zip(times, facts, strict=True):
                 kept.append(int(f["t_goal"][place]))
     if len(numbers) < count:
-        rule = f"so many cases that go well without a fault are wanted, {count}, but there are {len(numbers)}"
+        rule = f"{count} cases that pass without a fault are needed, but there are {len(numbers)}"
         raise BadRequest("faults, cases", rule, f"ask for {len(numbers)} at most", slug="fault-cases")
     return tuple(numbers), [tuple(kept) for kept in times]
 

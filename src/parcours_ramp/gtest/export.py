@@ -41,7 +41,7 @@ class Repeats:
     """How often a timing case is executed, and how many of all repeats must stay within its limit."""
 
     repeats: int = 60  # those that count, at least 1
-    warm_up: int = 3  # those before, which are forgotten
+    warm_up: int = 3  # those before, which are discarded
     percent: float = 95.0  # of all repeats [%], above 0 and below 100
 
 
@@ -96,7 +96,7 @@ def _check(case: Case) -> None:
                          f"parcours suite {STUDY} --out suite.jsonl", slug="export-study")  # fmt: skip
     remedy = f"write the suite again: parcours suite {STUDY}"
     if case.abstract not in interaction_cases():
-        rule = f"must fill an abstract case of {STUDY}, but {case.abstract} is none"
+        rule = f"must fill an abstract case of {STUDY}, but {case.abstract} is not one"
         raise BadRequest(where, rule, remedy, slug="export-case")
     model = component_inputs()
     if case.names != model.names:

@@ -57,7 +57,7 @@ class StandingNodes:
         self._running: set[str] = set()
 
     def __enter__(self) -> StandingNodes:
-        # The server that nodes are forked from loads, and on its first day compiles, what they run: nobody shall wait.
+        # The server that nodes are forked from loads, and on its first day compiles, what they run.
         first = multiprocessing.get_context("forkserver").Process(target=int)
         first.start()
         first.join()

@@ -166,7 +166,7 @@ def _place(channel: str | None, places: dict[str, int]) -> str:
     if channel is None:
         return "NONE"
     if channel not in places:
-        rule = f"must be one of the model's, but {channel!r} is none"
+        rule = f"must be one of the model's, but {channel!r} is not one"
         raise BadRequest("channel of an event", rule, slug="export-event")
     return str(places[channel])
 

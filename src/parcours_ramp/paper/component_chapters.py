@@ -210,7 +210,7 @@ def _timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure,
         return ()
     note = (
         f"Durations on the wall clock of this machine, {where}, from the first to the last event of an abstract case; "
-        "warm-up left out. A verdict that noise could have made is refused. Durations are measured anew in every run, "
+        "warm-up left out. A verdict that noise could have made is refused. Durations are measured again in every run, "
         "so they are not part of the results that repeat bit for bit."
     )
     noise = max(given.noise.values(), key=lambda one: one.p99)

@@ -10,7 +10,7 @@ from parcours_ramp.system.study import SCHEDULES
 
 WORDS = {
     "stuck": "stuck in imminent collision",
-    "contact": "contact closed by the moving robot",
+    "contact": "collision caused by the robot",
     "reached": "goal reached within 20 s",
 }  # Questions as a reader of tables meets them
 

@@ -72,7 +72,7 @@ def outcomes_chapter(results: PaperResults) -> Section:
     sound = _sound_table(series)
     lead = (
         "Every case is judged by the paper's rule, which reads flags at the end of the test, and by a sound one, which "
-        "asks the world: was the goal ever reached, who closed the gap at a contact, did a halted robot move again."
+        "asks the world: was the goal ever reached, who caused a contact, did a halted robot move again."
     )
     return Section(
         "System tests: outcomes", lead, (table, pie, _gaps_table(results), sound, _stuck_table(results)), "outcomes"
@@ -161,9 +161,9 @@ def _sound_table(series: dict[str, NDArray[np.void]]) -> Table:
         "The sound outcomes of the same cases",
         (Column("outcome"), Column("verdict"), *(Column(name) for name in series)),
         tuple(rows),
-        "An unfinished case is watched for 40 s more. Contacts that found the robot standing, or that the obstacle "
-        "closed alone, are not the robot's: they are counted in the facts but fail nothing. Those that the robot "
-        "closed count as long as it is watched.",
+        "An unfinished case is observed for 40 s more. Contacts with a standing robot, and those that the obstacle "
+        "alone caused, are counted in the facts but fail nothing. Collisions that the robot caused count until "
+        "observation ends.",
     )
 
 

@@ -45,7 +45,7 @@ def run_paper(
 
     Args:
         cases: system cases per schedule; the published protocol runs its 905, or as many if fewer are asked for.
-        delayed: cases a point of the curves over delays; DELAYED_CASES, or `cases` if that is fewer, if None.
+        delayed: cases per point of the curves over delays; DELAYED_CASES, or `cases` if that is fewer, if None.
 
     Raises Interrupted: Ctrl-C during a campaign.
     """

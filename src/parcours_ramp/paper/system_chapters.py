@@ -88,7 +88,7 @@ def headline(results: PaperResults) -> Section:
         KeyFigure(f"{goals[0].share:.1%} → {goals[1].share:.1%}", "goal reached within 20 s",
                 f"original → guarded; {_percent(hit[0])} → {_percent(hit[1])} of these after an obstacle had driven "
                 "through the robot: obstacles are phantoms unless --solid is given"),
-        KeyFigure(f"{touched[0]} → {touched[1]}", "cases in which the moving robot closed the gap to a contact",
+        KeyFigure(f"{touched[0]} → {touched[1]}", "collisions that the robot caused",
                 f"of {len(original)}; the published tests had no contact oracle", "neutral"),
     )  # fmt: skip
     lead = (
@@ -139,8 +139,8 @@ def _repair_table(results: PaperResults) -> Table:
     original, guarded = (results.system["table-vii", s].facts for s in ("original", "guarded"))
     flags: dict[str, Callable[[NDArray[np.void]], NDArray[np.bool_]]] = {
         "stuck in imminent collision (published rule)": lambda f: published(f).stuck,
-        "stopped for ever": lambda f: outcomes(f) == Outcome.STUCK,
-        "the moving robot touched an obstacle": lambda f: outcomes(f) == Outcome.COLLIDED,
+        "stopped for good": lambda f: outcomes(f) == Outcome.STUCK,
+        "collision caused by the robot": lambda f: outcomes(f) == Outcome.COLLIDED,
         "reached goal in time": lambda f: published(f).reached,
         "pass": lambda f: np.isin(outcomes(f), [int(Outcome.REACHED), int(Outcome.UNDER_WAY)]),
     }

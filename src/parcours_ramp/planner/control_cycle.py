@@ -141,11 +141,11 @@ def control_cycle(planner: Record, predictions: Record, now: int, parameters: Re
     """
     best = commit(planner, now, parameters)
     evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
-    anew, kept = adapt(planner, best, now, parameters)
+    adapted, kept = adapt(planner, best, now, parameters)
     for i in range(planner.n):
-        if anew and i != kept:
+        if adapted and i != kept:
             member = planner.members[i]
             generate_from_switch(planner, member.path, entry_kind(planner, i, best), member.trajectory, parameters)
             member.trajectory.id = member.id
     evaluate_population(planner, predictions, parameters)
-    return anew
+    return adapted

@@ -240,7 +240,7 @@ class Layout:
         return memory.view(self._kind).view(np.recarray)
 
     def _rows(self, table: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """Return the same memory as floats and as ints, a record a row."""
+        """Return the same memory as floats and as ints, one record per row."""
         flat = table.view(np.int64)
         ints = flat.reshape(len(flat) // self._words, self._words)
         return {"floats": ints.view(np.float64), "ints": ints}

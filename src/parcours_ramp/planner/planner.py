@@ -337,11 +337,11 @@ class Planner:
         """Decide on the halt and ask for the members' new trajectories."""
         planner, parameters = self._planner, self._parameters
         was_halted = bool(planner.halted)
-        anew, kept = adapt(planner, self._best, now, parameters)
+        adapted, kept = adapt(planner, self._best, now, parameters)
         sends: list[tuple[str, object]] = []
         if was_halted != bool(planner.halted) or (parameters.schedule == ORIGINAL and not planner.halted):
             sends.append(("imminent_collision", bool(planner.halted)))
-        self._asked_members = [i for i in range(planner.n) if anew and i != kept]
+        self._asked_members = [i for i in range(planner.n) if adapted and i != kept]
         if self._asked_members:
             ways = [(self._members[i].path, entry_kind(planner, i, self._best)) for i in self._asked_members]
             sends.append(("trajectory_request", self._way_request(tag, ways)))

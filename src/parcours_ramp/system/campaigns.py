@@ -82,10 +82,10 @@ def load_campaign(folder: Path) -> SystemResults:
         )  # fmt: skip
     except (BadRequest, KeyError, TypeError, ValueError) as error:
         raise BadResults(
-            str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign anew",
+            str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign again",
             slug="results-parameters",
         ) from error  # fmt: skip
-    return SystemResults(study, facts_of(store, folder), campaign.n_cases)
+    return SystemResults(study, facts_of(store, folder), store.planned)
 
 
 def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
@@ -94,7 +94,7 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     Raises BadResults: the re-simulation differs from the facts that the campaign kept.
     """
     study, kept = campaign.study, campaign.facts[campaign.facts["number"] == number]
-    remedy = "they were made by another version of Parcours, or changed; run the campaign anew"
+    remedy = "they were made by another version of Parcours, or changed; run the campaign again"
     return replayed(
         study.cases.id(number), campaign.label, study.track(number), kept, remedy, goal=(2.0, 2.0), tolerance=0.2,
         robot_radius=study.parameters.robot_radius, obstacle_radius=study.cases.obstacle_radius,

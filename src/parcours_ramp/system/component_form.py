@@ -173,7 +173,7 @@ class Witness:
         yield from ()
 
     def before(self, now: int) -> None:
-        """See whether the case ends before the world goes on to the time `now` [ns], or has been watched on enough."""
+        """See whether the case ends before the world goes on to the time `now` [ns], or was observed long enough."""
         body = self._world
         if self.ended is not None:
             return

@@ -22,11 +22,11 @@ from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, ramp_digest, system_study
 
 DELAYS = ("sensing", "planning", "stop")  # What a delay can be added to
-SECONDS = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # How much is added [s]; the first is none
+SECONDS = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # How much is added [s]; the first adds nothing
 
 QUESTIONS = ("stuck", "contact", "reached")
 """What is asked of a case: stuck in imminent collision at the end by the published rule; a contact whose gap the moving
-robot closed, alone or with the obstacle; the goal reached within 20 s."""
+robot caused, alone or with the obstacle; the goal reached within 20 s."""
 
 DELAYED = np.dtype([("number", "i8"), *((name, "i1") for name in QUESTIONS)])
 """What is kept of one case under one setting: its number in the family of cases, and 1 where the answer is yes."""

@@ -15,6 +15,7 @@ from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
+from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.asking import CASES, REQUIREMENTS, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
 from parcours_navigation.study.results import report_folders
@@ -22,8 +23,8 @@ from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.whole import DECIDING
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
-JUDGED_DOC = "one case of so many is run again component by component, and its messages are judged; 0: none"
-LIVE_CASES = 20  # Cases of a run in real time if nothing is said
+JUDGED_DOC = "one case in this many is run again, component by component, and its messages are judged; 0: none"
+LIVE_CASES = 20  # Cases of a run in real time by default
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -36,6 +37,7 @@ class RampSystem:
     where: str = "ramp_system"
     family: str = "navigation"
     compiles: bool = True
+    stops: bool = True
     mutants: tuple[str, ...] = DECIDING
 
     @property
@@ -102,8 +104,8 @@ class RampSystem:
             if settings["solid"]:
                 rule = f"it is for cases in simulated time, but the host is {settings['host']}"
                 raise BadRequest("--solid", rule, "leave it out, or --host", slug="option-study")
-            for name in ("require", "fail"):
-                if settings[name]:
+            for name in ("require", "fail", "until", "max-time"):
+                if settings.get(name) or getattr(request, name.replace("-", "_"), None):
                     rule = f"it is for cases in simulated time, but the host is {settings['host']}"
                     raise BadRequest(f"--{name}", rule, "leave it out, or --host", slug="option-study")
             from parcours_ramp.system.live_running import run_live_cases
@@ -119,7 +121,7 @@ class RampSystem:
         n_cases, chosen = request.n_cases or PUBLISHED_CASES, numbers_of(study.cases, request.chosen)
         run = run_numbered(
             self.name, self.where, study, n_cases, chosen, question, int(settings["workers"]), request, progress,
-            str(settings["schedule"]),
+            str(settings["schedule"]), lambda facts: rates(facts, study.requirements),
         )  # fmt: skip
         if (every := int(settings["judged"])) and not run.interrupted:
             from parcours_ramp.system.sampling import sample

@@ -39,7 +39,7 @@ def run_and_judge(
             places, radii,
         )  # fmt: skip
         n = _entries(track, places, facts[k].n_track, facts[k].t_end, entries)
-        # The world stands as it did at the end, unless the case was watched on: then the track has an entry there.
+        # The world stands as it did at the end, unless it was observed further: then the track has an entry there.
         last, robot = entries[n], work.world.robot
         last[0], last[1], last[2], last[3] = float(facts[k].t_end), robot.x, robot.y, robot.heading
         last[4], last[5], last[6] = robot.v, robot.w, float(work.control.halt)

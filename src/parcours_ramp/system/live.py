@@ -198,7 +198,7 @@ def _run(study: SystemStudy, observer: Observer, trace: Trace, deaths: dict[str,
 
 
 NOT_REACHED = "not reached"
-"""The outcome of a case that ended before the goal was reached; nobody watched on to see whether it ever would be."""
+"""The outcome of a case that ended before the goal was reached; what would have followed is not known."""
 
 
 def outcome_of(facts: NDArray[np.void]) -> str:

@@ -117,7 +117,7 @@ class LiveLog:
             os.fsync(file.fileno())
 
     def _read(self) -> None:
-        """Read what is there; a last line that was cut off is taken away."""
+        """Read the results; a last line that was cut off is taken away."""
         text = self._path.read_text(encoding="utf-8")
         whole, _, cut = text.rpartition("\n")
         if not whole:  # killed while it wrote its first line

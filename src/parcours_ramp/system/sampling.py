@@ -1,6 +1,6 @@
 """Cases of a campaign that are run again, component by component: do data and order conform, are the facts the same?
 
-    compiled loop  ----> facts               the same to the bit
+    compiled loop  ----> facts               the same bits
     component form ----> facts, messages ----> conformance to the model, with its formulas over data; references
 
 The compiled loop sends no messages: what is judged here is what it computes by the same kernels. Both draw the case's

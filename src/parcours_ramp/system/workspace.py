@@ -30,7 +30,7 @@ SETTING = np.dtype(
         ("seed", "u8"),
         *fields(
             "i8", "limit extension"
-        ),  # end of the test; how long it is watched on, for the true remaining time [ns]
+        ),  # end of the test; how long it is observed afterwards, for the true remaining time [ns]
         *fields("f8", "robot_x robot_y robot_heading robot_speed"),  # start [m], [rad], [m/s]
         ("told_speed", "f8"),  # the speed at the start that RAMP is told [m/s]
         ("starts_late", "i8"),  # 1 if control takes no trajectory before `late_start`

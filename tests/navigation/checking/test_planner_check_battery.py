@@ -47,6 +47,18 @@ def test_commands_and_trajectories_of_the_same_way_are_driven_alike() -> None:
     assert run_battery(Subject("", Plans), ["turns_towards_the_goal", "reaches_a_free_goal"]).passed
 
 
+def test_a_planner_that_lives_on_its_scan_alone_passes_the_checks_of_memory() -> None:
+    class Sees(Sound):
+        needs = ("scan",)
+
+        def observe(self, observation: Observation) -> Command:
+            assert observation.scan is not None
+            return Command(0.1, float(observation.scan.ranges.min()) - 1.0)
+
+    made = ["repeats_itself", "forgets_the_last_case", "keeps_no_observation"]
+    assert not run_battery(Subject("", Sees), made).findings
+
+
 def test_an_error_at_a_gate_ends_the_battery_and_says_what_was_left() -> None:
     report = run_battery(Subject("", AnswersText))
     assert report.made == ("is_a_planner", "same_in_own_process", "answers_in_form")

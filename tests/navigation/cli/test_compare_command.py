@@ -58,7 +58,7 @@ def test_a_comparison_says_all_as_json_and_as_a_page(compared: tuple[Path, Resul
     planners = document["planners"]
     assert list(planners) == [f"{mine}:stand", f"{mine}:breaks"]
     assert planners[f"{mine}:stand"]["outcomes"]["reached"]["count"] == 0
-    assert planners[f"{mine}:stand"]["questions"]["stopped for ever"]["count"] >= 15
+    assert planners[f"{mine}:stand"]["questions"]["stopped for good"]["count"] >= 15
     (why,) = planners[f"{mine}:breaks"]["errors"]
     assert why["cases"] == planners[f"{mine}:breaks"]["outcomes"]["error"]["count"] == 18
     assert "KeyError: 'door' (mine.py:8)" in why["reason"]

@@ -14,11 +14,12 @@ from parcours.report.page import to_html
 from parcours.report.pieces import Table
 from parcours.report.standings import arrivals, dominance
 from parcours.report.terminal import to_text
+from parcours.verdict.statistics import RateDifference
 from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNSOLVABLE
 from parcours_navigation.comparison.analysis import DIFFERENT_ANSWERS, analyse, pair_tests
 from parcours_navigation.comparison.document import comparison_document
 from parcours_navigation.comparison.page import SLICES, compare_page
-from parcours_navigation.comparison.pairing import RateDifference, TimeDifference
+from parcours_navigation.comparison.pairing import TimeDifference
 from parcours_navigation.comparison.results import QUESTIONS, Contender, DecisionTimes, Results
 from parcours_navigation.comparison.tables import outcome_table, question_table
 from parcours_navigation.facts import FACTS, NEVER
@@ -30,7 +31,7 @@ N = 40
 
 
 def facts(effects: str) -> NDArray[np.void]:
-    """Return facts of cases by letter: g goal, t touched, s stood for ever, l later, e error, o run into."""
+    """Return facts of cases by letter: g goal, t touched, s stopped for good, l later, e error, o run into."""
     made = np.zeros(len(effects), FACTS)
     for name in FACTS.names or ():
         if name.startswith("t_"):

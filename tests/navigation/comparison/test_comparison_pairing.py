@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from parcours.errors import BadRequest
-from parcours.verdict.statistics import holm
-from parcours_navigation.comparison.pairing import rate_difference, time_difference
+from parcours.verdict.statistics import holm, rate_difference
+from parcours_navigation.comparison.pairing import time_difference
 
 
 def table(both: int, first: int, second: int, neither: int) -> tuple[list[bool], list[bool]]:

@@ -270,7 +270,7 @@ class _Compiler:
             except OverflowError:
                 self.fail(node, "a number must fit 64 bits, but this one does not", "overflow")
             except TypeError:
-                self.fail(node, "size must be taken of a list, but this is none", "type")
+                self.fail(node, "size must be taken of a list, but this is not one", "type")
             fits = isinstance(value, int) and -INTEGER_LIMIT <= value <= INTEGER_LIMIT
             if not fits and not (isinstance(value, float) and math.isfinite(value)):
                 self.fail(node, "a number must fit 64 bits, but this one does not", "overflow")

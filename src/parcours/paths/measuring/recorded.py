@@ -88,7 +88,7 @@ def _along(graph: Graph, sequence: Sequence[str]) -> list[int]:
             edges = [known[entry]] if entry in known else edges
         if len(edges) != 1:
             rule = f"must name an edge of '{graph.name}' that leaves {graph.states[state]!r}, but {entry!r} is "
-            rule += f"{len(edges)} of them" if edges else "none"
+            rule += f"{len(edges)} of them" if edges else "not one"
             near = [graph.edges[each] for each in graph.leaving()[state]]
             remedy = f"write it as '{names[edges[0]]}'" if edges else one_of(entry, list(dict.fromkeys(near)))
             raise BadRequest(f"sequence, entry {place}", rule, remedy, slug="foreign-transition")

@@ -56,7 +56,7 @@ def solve(
 
     The tester stands in at both ends of every channel that leaves the component. Paths found in the state space
     may let other machines of the component move too; in paths that the solver finds they stand still. What is
-    said to be infeasible is so whatever they do.
+    found infeasible is infeasible whatever they do.
 
     Args:
         wanted: a coverage criterion, or requirements: states, sequences of transitions, du-paths.

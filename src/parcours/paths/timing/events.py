@@ -55,8 +55,8 @@ def events_of(
         sends: for each transition the position, from 0, of the one whose message it takes, or None if the
             tester supplies it; empty for first in, first out on every channel inside the model.
 
-    Raises BadRequest: an id is unknown, a machine would go on from a state where it does not stand, or a receive is
-    said to take a message that was not sent before.
+    Raises BadRequest: an id is unknown, a machine would go on from a state where it does not stand, or a receive
+    would take a message that was not sent before.
     """
     owners = _owners(cefsm)
     channels = {channel.name: channel for channel in cefsm.channels}

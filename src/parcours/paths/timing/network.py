@@ -130,7 +130,7 @@ def _shortest(begin: list[int | None] | list[int], arcs: Sequence[Arc]) -> tuple
 
 def _back(came: Sequence[Arc | None], node: int) -> tuple[int, int]:
     arc = came[node]
-    assert arc is not None, "a node that still improves after so many turns hangs on a cycle"
+    assert arc is not None, "a node that still improves after this many rounds lies on a cycle"
     return arc[0], arc[3]
 
 

@@ -6,19 +6,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from parcours.data import read_input_model
 from parcours.errors import BadDomain, BadRequest
-from parcours.model.documents import MAX_BYTES, Node, read_document
+from parcours.model.documents import MAX_BYTES, Mapping, Node, read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.model_file import check_file
 from parcours.model.nodes import brief
-from parcours.model.structure import Cefsm
+from parcours.model.structure import Cefsm, Component
 from parcours.run.binding.checking import findings as findings_of
 from parcours.run.binding.quantities import Table, plain
 from parcours.run.binding.schema import PartReader
-from parcours.run.binding.structure import Binding, Role
+from parcours.run.binding.structure import Binding, Process, Role
 
 T = TypeVar("T")
 
@@ -26,6 +26,9 @@ FORMAT = "binding/1"
 """The number of the format that this version reads."""
 
 _REQUIRED = ("parcours", "name", "model", "transport", "nodes", "channels")
+_REQUIRED_OF_STACK = ("parcours", "name", "transport", "nodes", "stack")
+"""What a navigation stack needs: its model is its standard interface."""
+
 _ROLES: dict[str, Role] = {"channels": "model", "between": "between", "observe": "observe", "provide": "provide"}
 
 
@@ -84,7 +87,7 @@ def check_binding(
 
 
 def refusal(found: tuple[Finding, ...]) -> BadRequest:
-    """Return one error that says all errors among the findings, one a line."""
+    """Return one error that says all errors among the findings, one per line."""
     error = complaint(errors_among(found))
     rule = error.rule.replace("a model must have no errors", "a binding must have no errors", 1)
     return BadRequest(error.where, rule, error.remedy, slug=error.slug.replace("model-errors", "binding-errors"))
@@ -102,20 +105,45 @@ class _BindingReader(PartReader):
             "nodes": (self.every(self.process), ()), "timing": (self.every(self.bound, self.label), ()),
             **{key: (self.every(partial(self.channel, role)), ()) for key, role in _ROLES.items()},
             "quiescence": (self.duration, 0.5), "system": (self.system, None), "data": (self.data, ((), "")),
+            "stack": (self.stack, None),
             "warm_up": (lambda node, what: self.integer(node, what, 0, 1_000_000), 10),
             "constants": (self.pairs(self.constant_of), ()),
             "parameters": (self.pairs(lambda node, what: plain(node), self.address), ()),
             "before_case": (self.actions, ()), "after_case": (self.actions, ()),
             "interfaces": (self.folders, ()), "python_paths": (self.folders, ()),
         }  # fmt: skip
-        said = self.section(node, "a binding", table, _REQUIRED, is_top=True)
+        is_stack = isinstance(node, Mapping) and any(key.text == "stack" for key, _ in node.items)
+        said = self.section(node, "a binding", table, _REQUIRED_OF_STACK if is_stack else _REQUIRED, is_top=True)
         del said["parcours"]
         silence = said.pop("quiescence")
         channels = [one for key in _ROLES for one in said.pop(key)]
+        if said["stack"] is not None:
+            said["stack"], standard = said["stack"]
+            channels += standard
+            self.unmodelled(said)
         # A channel is silent after the binding's own time, unless it says another.
         said["channels"] = tuple(replace(one, quiescence=one.quiescence or silence) for one in channels)
         said["data"], said["data_file"] = said["data"]
         return None if said["model"] is None else Binding(source=self.origin, **said)
+
+    def unmodelled(self, said: dict[str, Any]) -> None:
+        """Let the nodes of a navigation stack stand for components of their own names, and give them its clock."""
+        nodes: tuple[Process, ...] = said["nodes"]
+        if said["model"] is None:
+            said["nodes"] = nodes = tuple(replace(one, components=(one.name,)) for one in nodes)
+            said["model"] = Cefsm(said["name"], tuple(Component(one.name, ()) for one in nodes))
+        if not said["stack"].simulated:
+            return
+        given = dict(said["parameters"])
+        for one in nodes:
+            if one.ros_node:
+                given.setdefault(f"{one.ros_node}/use_sim_time", True)
+            else:
+                rule = f"node {one.name!r} is led by /clock, so 'ros_node' must say how to ask it, but it is missing"
+                self.findings.append(
+                    Finding(self.origin, one.line, "error", "missing-key", rule, "add e.g. ros_node: /planner")
+                )
+        said["parameters"] = tuple(given.items())
 
     def version(self, node: Node, what: str) -> None:
         """See that this version reads the format."""

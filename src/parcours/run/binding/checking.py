@@ -11,7 +11,7 @@ from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
 from parcours.run.binding.structure import Binding, BoundChannel
-from parcours.run.binding.worlds import ASKED, EACH_NAMES, WORLD_NAMES
+from parcours.run.binding.worlds import ASKED, EACH_NAMES, STACK_NAMES, WAY_NAMES, WORLD_NAMES
 
 _ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
 _MASTER = re.compile(r"https?://[A-Za-z0-9._\-\[\]:]+:[0-9]{1,5}/?", re.ASCII)
@@ -29,6 +29,7 @@ def findings(binding: Binding) -> list[Finding]:
     check.services()
     check.timing()
     check.system()
+    check.stack()
     if not check.found:
         check.found += separation_findings(binding)
     return check.found
@@ -42,6 +43,10 @@ class _Check:
         self.bound = {channel.name: channel for channel in binding.channels}
         self.classes = {message.name: message for message in self.model.messages}
         self.given = {*(name for name, _ in binding.constants), *binding.data, *WORLD_NAMES}
+        self.each = {*EACH_NAMES}
+        if binding.stack is not None:
+            self.given |= {*STACK_NAMES}
+            self.each |= {*WAY_NAMES}
 
     def add(self, line: int, slug: str, rule: str, remedy: str = "") -> None:
         self.found.append(Finding(self.binding.source, line, "error", slug, rule, remedy))
@@ -130,7 +135,7 @@ class _Check:
         system = self.binding.system
         each = system is not None and channel.name in system.each
         for place, formula in channel.inject.set:
-            names = self.given | set(EACH_NAMES) if each or place.is_each else self.given
+            names = self.given | self.each if each or place.is_each else self.given
             self.spoken(formula, sorted(names), f"{str(place)!r} of {channel.name!r}", channel)
             if place.steps.count("*") > 1:
                 rule = f"a place that is set has one [*] at most, but {place} has {place.steps.count('*')}"
@@ -145,7 +150,7 @@ class _Check:
     def services(self) -> None:
         for channel in self.binding.channels:
             if channel.answer == "node" and channel.part != "request":
-                rule = f"a node answers requests, but {channel.name!r} is none"
+                rule = f"a node answers requests, but {channel.name!r} is not one"
                 self.add(channel.line, "binding-service", rule, "write 'answer: node' where 'part: request' stands")
         parts: dict[tuple[str, str, str], list[BoundChannel]] = {}
         for channel in self.binding.channels:
@@ -197,6 +202,12 @@ class _Check:
         spoken = [(system.command.linear, "'linear'"), (system.command.angular, "'angular'")]
         for formula, what in spoken + ([(system.alarm[1], "'imminent_collision'")] if system.alarm else []):
             self.prefixed(formula, what)
+
+    def stack(self) -> None:
+        stack = self.binding.stack
+        if stack is not None and self.binding.transport != "ros2":
+            rule = f"a stack is driven on ros2, but 'transport' is {self.binding.transport}"
+            self.add(stack.line, "binding-stack", rule, "write transport: ros2")
 
     def is_ours(self, name: str) -> bool:
         """Whether the tester makes the messages of a bound channel: no node runs its sender."""

@@ -22,9 +22,10 @@ from parcours.run.binding.places import EVERY, Place, path_text
 from parcours.run.binding.quantities import plain
 from parcours.run.binding.readings import Reading, Writer, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
-from parcours.run.binding.worlds import ASKED
+from parcours.run.binding.worlds import ASKED, LISTS
 
 _TYPE_OF = {bool: BOOL, int: INT, float: REAL, str: TEXT}
+_SAID = {name: Type(item, rank=1) for name, item in LISTS.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ class _Work:
     def is_known(self, type_: str, said: str, of: str, line: int) -> bool:
         if self.types.fields(type_) is not None:
             return True
-        remedy = "install its package, or name the folder of its .msg and .srv files under 'interfaces'"
+        remedy = "install its package, or name the folder of its definition under 'interfaces'"
         self.add(line, "unknown-message-type", f"a type must be known here, but {said} of {of} is not", remedy)
         return False
 
@@ -236,7 +237,8 @@ class _Work:
         """Whether the value of a formula over constants, numbers and what is seen can be put at a place."""
         known, place = self.constants, access.place
         types = {
-            p: _TYPE_OF[type(known[str(p)])] if str(p) in known else seen.get(str(p), REAL) for p in formula.places
+            p: _TYPE_OF[type(known[str(p)])] if str(p) in known else seen.get(str(p), _SAID.get(str(p), REAL))
+            for p in formula.places
         }
         try:
             given = formula.type(types, f"{str(place)!r} of {where}")

@@ -42,7 +42,7 @@ class Decoder:
         try:
             made = self._types.unpacked(message_type(bound), data)
         except Exception as error:  # whatever the generated code raises
-            rule = f"a message must be a {message_type(bound)}, but these {len(data)} bytes are none: {error}"
+            rule = f"a message must be a {message_type(bound)}, but these {len(data)} bytes are not one: {error}"
             raise HostFailure(where, rule, "look at its sender", slug="message-size") from error
         needed = len(self._types.packed(made))
         if not 0 <= len(data) - needed <= padding:

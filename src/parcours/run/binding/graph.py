@@ -155,8 +155,8 @@ def _need(binding: Binding, spoke: Spoke, graph: Graph) -> tuple[Mapping[str, Co
         return (graph.servers, "serves") if spoke.side == "into" and spoke.channels[0] else None
     if spoke.side == "out":
         return graph.publishers, "publishes"
-    if all(binding.channel(name).role == "provide" for name in spoke.channels):
-        return None
+    if binding.stack is None and all(binding.channel(name).role == "provide" for name in spoke.channels):
+        return None  # of a stack, somebody must listen
     return graph.subscribers, "subscribes to"
 
 

@@ -15,7 +15,7 @@ STOPPED, CONTINUED = "stopped by the tester", "continued by the tester"
 """Notes in a trace between which a component was kept from doing anything; nothing is owed meanwhile."""
 
 MADE = "made by the tester"
-"""The text of what the tester sends in the place of others: what cannot be read of it is no sender's fault."""
+"""The text of what the tester sends in place of other nodes: what cannot be read of it is no sender's fault."""
 
 STALLED = "the machine stood still for [ns] "
 """How the note begins that says for how long, from then on, an ordinary process was not let run."""

@@ -112,9 +112,9 @@ class Writer:
 
 
 def message_type(channel: BoundChannel) -> str:
-    """Return the type of a channel's messages; a half of a service has one of its own.
+    """Return the type of a channel's messages; a half of a service has one of its own, and so has a goal.
 
     >>> message_type(BoundChannel("plan", "/plan", "nav_msgs/GetPlan", "request"))
     'nav_msgs/GetPlanRequest'
     """
-    return channel.type + {"topic": "", "request": "Request", "response": "Response"}[channel.part]
+    return channel.type + {"topic": "", "request": "Request", "response": "Response", "goal": "Goal"}[channel.part]

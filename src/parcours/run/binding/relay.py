@@ -97,7 +97,7 @@ class Relay:
     # What goes on to them.
 
     def release(self, message: Message, slot: str | None = None) -> None:
-        """Let a message go on by its effect, to all who shall have it, or to one slot."""
+        """Let a message go on by its effect, to all its receivers, or to one slot."""
         k, began, effect = self._count[message.channel], self.case_began, UNTOUCHED
         self._count[message.channel] += 1
         if 0 <= began <= message.time:

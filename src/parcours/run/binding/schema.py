@@ -16,6 +16,7 @@ from parcours.run.binding import structure as parts
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.places import Place, parse_place
 from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
+from parcours.run.binding.standard import ACTIONS, COMMANDS, standard_channels
 
 T = TypeVar("T")
 
@@ -25,7 +26,10 @@ NOTHING = parse_formula("0")
 _ADDRESS = re.compile(r"/?[A-Za-z~][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*", re.ASCII)
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(?:/(?:msg|srv))?/[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _READY = ("topic", "service", "node", "parameter", "message", "after")
-_VERBS = ("set", "wait", "call", "publish")
+_VERBS = ("set", "wait", "call", "publish", "life")
+LIVES = ("unconfigured", "inactive", "active")
+"""The states of a lifecycle node to which it can be led, in their order."""
+
 _QUANTITIES = ("radius", "v_max", "w_max", "a_max", "alpha_max")
 """What `robot` may say of the simulated robot [m, m/s, rad/s, m/s2, rad/s2]."""
 
@@ -99,10 +103,13 @@ class PartReader(QuantityReader):
             "env": (self.pairs(self.text, self.label), ()), "cwd": (self.path, self.here),
             "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
             "timeout": (self.duration, parts.START), "after": (self.identifiers, ()), "stop": (self.duration, 2.0),
-            "restart": (self.choice("every-case", "when-dead"), "every-case"),
+            "restart": (self.choice("every-case", "when-dead"), "every-case"), "life": (self.choice(*LIVES), ""),
         }  # fmt: skip
         said = self.section(node, what, table)
-        running, timeout = said.pop("running"), said.pop("timeout")
+        running, timeout, life = said.pop("running"), said.pop("timeout"), said.pop("life")
+        if life and not said["ros_node"]:
+            rule = f"{what} is led to a state of its life, so 'ros_node' must say how to ask it, but it is missing"
+            self.add(node, "missing-key", rule, "add e.g. ros_node: /planner")
         if running == bool(said["command"]):
             rule = f"{what} must have a command, or say 'running: true' if you start it yourself"
             self.add(node, "binding-start", f"{rule}, but has {'both' if running else 'neither'}")
@@ -116,6 +123,8 @@ class PartReader(QuantityReader):
         if said["remap"] is None:
             said["remap"] = not running
         ready = said["ready"] or (parts.Ready("bound", line=line),)
+        if life:
+            ready = (parts.Ready("life", said["ros_node"], life, line=line), *ready)
         said["ready"] = tuple(replace(one, timeout=timeout) for one in ready)
         return parts.Process(name, line=line, **said)
 
@@ -183,7 +192,7 @@ class PartReader(QuantityReader):
         return None
 
     def place(self, node: Node, what: str) -> Place | None:
-        """Return a place, or None if it is none."""
+        """Return a place, or None if it is not one."""
         return self.parsed(node, what, parse_place, None)
 
     def places(self, node: Node, what: str) -> tuple[tuple[Place, Formula], ...]:
@@ -237,6 +246,8 @@ class PartReader(QuantityReader):
             self.add(node, "missing-key", f"{spoken} must have the key 'type', but has not", "add it")
         if verb == "set" and (said["to"] is None) == (said["formula"] is None):
             self.add(node, "binding-action", f"{spoken} must have either 'to' or 'formula'")
+        if verb == "life" and said["is"] not in LIVES:
+            self.add(node, "binding-action", f"{spoken} must say one of {', '.join(LIVES)} under 'is'")
         value = next((said[key] for key in ("is", "to") if said[key] is not None), True)
         more = {key: said[key] for key in ("type", "formula", "inject", "timeout")}
         return parts.Action(verb, said[verb], value=value, line=node.line, **more)  # type: ignore[arg-type]
@@ -252,8 +263,31 @@ class PartReader(QuantityReader):
         said = self.section(node, what, table, ("sense", "command"))
         return parts.System(alarm=said.pop("imminent_collision"), line=node.line, **said)
 
+    def stack(self, node: Node, what: str) -> tuple[parts.Stack, tuple[parts.BoundChannel, ...]]:
+        """Return the section of a navigation stack, and the channels of the standard topics that it names."""
+        known = standard_channels()
+        table: Table = {
+            **dict.fromkeys(known, (self.address, "")), "time": (self.choice("simulated", "real"), "simulated"),
+            "step": (self.duration, 0.05), "hops": (lambda node, what: self.integer(node, what, 0, 20), 0),
+            "quiet": (self.duration, 0.0), "network": (self.choice("own", "shared"), "own"),
+        }  # fmt: skip
+        said = self.section(node, what, table)
+        named = [key for key in known if said[key]]
+        commands = [key for key in named if key in COMMANDS]
+        if len(commands) != 1:
+            rule = f"{what} must name one of {' and '.join(COMMANDS)}, but names {len(commands) or 'neither'}"
+            self.add(node, "binding-stack", rule, "e.g. command: /cmd_vel")
+        roles: dict[bool, parts.Role] = {True: "observe", False: "provide"}
+        channels = (self.channel(roles[key in COMMANDS], key, known[key], node.line) for key in named)
+        stack = parts.Stack(commands[0] if commands else "", said["time"] == "simulated", said["step"], said["hops"],
+                            said["quiet"], said["network"] == "own", node.line)  # fmt: skip
+        return stack, tuple(
+            replace(channel, address=said[channel.name], part="goal" if channel.name in ACTIONS else channel.part)
+            for channel in channels
+        )
+
     def robot(self, node: Node, what: str) -> tuple[tuple[str, float], ...]:
-        """Return what is said of the simulated robot."""
+        """Return the description of the simulated robot."""
         said = self.section(node, what, dict.fromkeys(_QUANTITIES, (self.number, None)))
         return tuple((name, value) for name, value in said.items() if value is not None)
 

@@ -15,7 +15,7 @@ Transport = Literal["ros1", "ros2"]
 Role = Literal["model", "between", "observe", "provide"]
 """A channel of the model, or a topic beside it: relayed between two nodes, listened to, or published by the tester."""
 
-Part = Literal["topic", "request", "response"]
+Part = Literal["topic", "request", "response", "goal"]
 """What a channel is on the wire: a topic, or one half of a service."""
 
 Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | tuple[tuple[str, Value], ...]"
@@ -33,10 +33,10 @@ class Ready:
     """What must be seen before a node counts as started, and for how long it is waited for [s].
 
     `bound` is everything that the binding says the node sends or serves. `name` is a global name; `value` what a
-    parameter must be, or the seconds of `after`.
+    parameter must be, the state of a lifecycle node, to which it is led, or the seconds of `after`.
     """
 
-    kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after"]
+    kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after", "life"]
     name: str = ""
     value: Constant = True
     timeout: float = START
@@ -92,7 +92,7 @@ class BoundChannel:
         name: the channel of the model; of `observe` and `provide`, a name of the user's choice.
         address: the global name of the topic or service.
         type: e.g. `geometry_msgs/Twist`.
-        part: a topic, or which half of the service.
+        part: a topic, or which half of the service, or the goal of an action.
         role: whether it is a channel of the model, and if not, what is done with it.
         fields: (field of the model's message, formula over the places of the ROS message).
         queue: how many messages wait at either end.
@@ -142,9 +142,9 @@ class Bound:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """Something to do before or after a case: set or await a parameter, call a service, publish a message."""
+    """Something to do before or after a case: set or await a parameter, call a service, publish, lead a node's life."""
 
-    kind: Literal["set", "wait", "call", "publish"]
+    kind: Literal["set", "wait", "call", "publish", "life"]
     name: str
     type: str = ""
     value: Value = True
@@ -192,6 +192,28 @@ class System:
 
 
 @dataclass(frozen=True, slots=True)
+class Stack:
+    """A navigation stack that is driven in worlds through its standard topics (docs/ros2.md).
+
+    Args:
+        command: the channel on which its commands come.
+        simulated: whether time passes on /clock, as fast as its nodes can work; else it is the machine's.
+        step: the longest time that passes at once on /clock [s].
+        hops: how many messages may follow on each other between its nodes, unheard by the tester.
+        quiet: how long nothing must be heard of its nodes after each step, for those with threads of their own [s].
+        own: whether its nodes run in a network of their own.
+    """
+
+    command: str
+    simulated: bool = True
+    step: float = 0.05
+    hops: int = 0
+    quiet: float = 0.0
+    own: bool = True
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Binding:
     """A checked binding and the model that it binds. Paths are absolute or relative to the working directory."""
 
@@ -203,6 +225,7 @@ class Binding:
     timing: tuple[Bound, ...] = ()
     warm_up: int = 10
     system: System | None = None
+    stack: Stack | None = None
     constants: tuple[tuple[str, Constant], ...] = ()
     data: tuple[str, ...] = ()
     """The names of the test inputs that formulas may use."""
@@ -216,6 +239,13 @@ class Binding:
     master: str = ""
     source: str = field(default="", compare=False)
     doc: str = ""
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that results depend on beside the binding itself: model, data, and what its commands name."""
+        named = [Path(file) for file in (self.model.source, self.data_file) if file]
+        words = [node.cwd / word for node in self.nodes for word in node.command if not Path(word).is_absolute()]
+        return [file for file in dict.fromkeys([*named, *words]) if file.is_file()]
 
     def channel(self, name: str) -> BoundChannel:
         """Return the bound channel called `name`. Raises KeyError if there is none."""

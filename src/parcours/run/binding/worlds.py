@@ -26,6 +26,17 @@ WORLD_NAMES = ("time", "wall_time", "obstacles", *ROBOT_NAMES, *ODOM_NAMES, *GOA
 """Every name but those of one obstacle. `time` is since the case began, `wall_time` since 1970, `obstacles` how many
 there are."""
 
+SCAN_NAMES = ("scan.ranges", "scan.first", "scan.last", "scan.step", "scan.reach")
+MAP_NAMES = ("map.cells", "map.rows", "map.columns", "map.resolution", "map.x", "map.y")
+WAY_NAMES = ("waypoint.x", "waypoint.y")
+STACK_NAMES = ("stamp", "tolerance", *SCAN_NAMES, *MAP_NAMES)
+"""What only a navigation stack is told. `stamp` is what its nodes' clock shows [s], `tolerance` how near the goal
+counts [m]. Angles of a scan count from the robot's heading, `map.x` and `map.y` are the map's lower left corner, a
+waypoint is one of a path."""
+
+LISTS = {"scan.ranges": "real", "map.cells": "int"}
+"""Those that are lists, and of what."""
+
 
 def body(prefix: str, x: float, y: float, heading: float, v: float, w: float, radius: float) -> dict[str, float]:
     """Return the names of a body with their values.

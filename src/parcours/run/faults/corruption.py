@@ -66,9 +66,9 @@ def corrupted_bytes(data: bytes, seed: int, how: How = "any") -> bytes:
     if not data:
         return data
     place = next(words) % (8 * len(data))
-    spoilt = bytearray(data)
-    spoilt[place // 8] ^= 1 << (place % 8)
-    return bytes(spoilt)
+    changed = bytearray(data)
+    changed[place // 8] ^= 1 << (place % 8)
+    return bytes(changed)
 
 
 class BytesCodec(Protocol):
@@ -122,7 +122,7 @@ def _allows(value: Any, way: How) -> bool:
 
 def _changed(value: Any, way: How, words: Iterator[int]) -> tuple[object, str]:
     if not _is_array(value):
-        return _spoilt(value, way, words)
+        return _corrupted(value, way, words)
     if way == "length":
         shorter = len(value) > 0 and next(words) % 2 == 0
         if isinstance(value, np.ndarray):
@@ -132,17 +132,17 @@ def _changed(value: Any, way: How, words: Iterator[int]) -> tuple[object, str]:
         return (value[:-1], ", one less") if shorter else (value + extra, ", one more")
     if isinstance(value, np.ndarray):
         place, array = next(words) % value.size, value.copy()
-        spoilt, said = _spoilt(array.flat[place].item(), way, words)
+        changed, said = _corrupted(array.flat[place].item(), way, words)
         kind = np.result_type(array)
         info = np.iinfo(kind) if kind.kind in "iu" else None
-        array.flat[place] = spoilt if info is None else min(max(int(spoilt), int(info.min)), int(info.max))
+        array.flat[place] = changed if info is None else min(max(int(changed), int(info.min)), int(info.max))
         return array, f"[{place}]{said}"
     place = next(words) % len(value)
-    spoilt, said = _spoilt(value[place], way, words)
-    return type(value)([*value[:place], spoilt, *value[place + 1 :]]), f"[{place}]{said}"
+    changed, said = _corrupted(value[place], way, words)
+    return type(value)([*value[:place], changed, *value[place + 1 :]]), f"[{place}]{said}"
 
 
-def _spoilt(value: Any, way: How, words: Iterator[int]) -> tuple[Any, str]:
+def _corrupted(value: Any, way: How, words: Iterator[int]) -> tuple[Any, str]:
     """Return a number that is changed, and how. Zero is its own negative and its own multiple: it is replaced."""
     if isinstance(value, bool | np.bool_):
         return not value, " inverted"

@@ -1,4 +1,4 @@
-"""What shall go wrong, where, when and how much: plain data that stands in a case, on a command line, or in a file.
+"""What goes wrong, where, when and how much: plain data that stands in a case, on a command line, or in a file.
 
 All times are whole nanoseconds since the run began. A plan says nothing of chance but its seed: what happens to
 which message follows from it (`effects`).
@@ -167,7 +167,7 @@ Fault: TypeAlias = ChannelFault | ComponentFault
 
 @dataclass(frozen=True, slots=True)
 class FaultPlan:
-    """All that shall go wrong in a run. Its text has a line each for the seed and every fault.
+    """Everything that goes wrong in a run. Its text has a line each for the seed and every fault.
 
     Attributes:
         seed: decides what happens to which message.

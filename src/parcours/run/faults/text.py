@@ -70,7 +70,7 @@ def parse_fault(line: str, where: str = "fault") -> Fault:
             raise _unreadable(where, f"cannot read {rest[:40]!r} in {line[:80]!r}")
         key = _SAME.get(match[1], match[1]) if clause == "window" else clause
         if key in found:
-            raise _unreadable(where, f"{key!r} is said twice in {line[:80]!r}", "say it once")
+            raise _unreadable(where, f"{key!r} appears twice in {line[:80]!r}", "write it once")
         found[key] = match
         rest = rest[match.end() :].strip(" ,")
     return _fault(name.strip(), kind, found, line, where)
@@ -116,7 +116,7 @@ def parse_plan(text: str, where: str = "faults") -> FaultPlan:
     """Return the plan of several lines: a fault each, `seed: 7` or `work: 2 ms`; # begins a remark, ; ends a line.
 
     Raises:
-        BadRequest: a line is none of these.
+        BadRequest: a line is not one of these.
 
     >>> parse_plan("a: drop 30 %; Planner: crash at 5 s").faults[1].at_ns
     5000000000

@@ -156,7 +156,7 @@ def keeps_order(make: Factory) -> None:
 def loses_and_doubles_nothing(make: Factory) -> None:
     """Every message sent on a service is taken up exactly once, and every transition is recorded once."""
     seen, trace = _pipe(make)
-    rule = "nothing is lost or doubled"
+    rule = "nothing is lost or duplicated"
     _owe(Counter(seen) == Counter(range(40)), rule, f"of 0..39, sent once each, the tester saw {seen}")
     for channel in ("numbers", "seen"):
         sent, got = (

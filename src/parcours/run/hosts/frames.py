@@ -178,7 +178,7 @@ def packed(frame: Command | Report) -> bytes:
 
 
 def command(data: bytes) -> Command:
-    """Return the command. Raises HostFailure if these bytes are none."""
+    """Return the command. Raises HostFailure if these bytes are not one."""
     try:
         return _commands.decode(data)
     except _UNREADABLE as error:
@@ -186,7 +186,7 @@ def command(data: bytes) -> Command:
 
 
 def report(data: bytes) -> Report:
-    """Return the report. Raises HostFailure if these bytes are none."""
+    """Return the report. Raises HostFailure if these bytes are not one."""
     try:
         return _reports.decode(data)
     except _UNREADABLE as error:

@@ -25,7 +25,7 @@ class Codec(Protocol):
         """Return the payload's bytes. Raises BadRequest if the channel carries something else."""
 
     def decode(self, channel: str, data: bytes) -> object:
-        """Return the payload. Raises BadRequest, naming channel and rule, if these bytes are none."""
+        """Return the payload. Raises BadRequest, naming channel and rule, if these bytes are not one."""
 
 
 class NodeProgram(Codec, Protocol):

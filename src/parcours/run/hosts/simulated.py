@@ -49,7 +49,7 @@ class SimulatedHost(Traffic):
         execution: (component, transition) -> how long it works on that [ns].
         transport: channel -> how long a message that leaves now is on its way [ns]; none overtakes another.
         recording: whether what happens is written into the trace; without it the trace stays empty.
-        faults: what shall go wrong; under a plan, a component that raises has died and all others go on.
+        faults: what goes wrong; under a plan, a component that raises has died and all others go on.
         codec: the flat form of the messages, for faults that corrupt them.
 
     Raises:

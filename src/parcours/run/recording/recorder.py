@@ -33,7 +33,7 @@ class Recorder:
     recording if nothing was raised; otherwise the recording stays incomplete, as after a kill.
 
     Args:
-        path: the file to create or replace, *.mcap or *.bag.
+        path: the file to create or replace, .mcap or .bag.
         codec: knows the payloads; payloads it does not know are left out and named in the recording. `Raw` payloads
             need none.
         clock, host, case: as in a Trace.

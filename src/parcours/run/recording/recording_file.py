@@ -82,7 +82,7 @@ def convert(source: Path, target: Path, *, most: int = MOST) -> int:
 
     Args:
         source: any MCAP of ROS 1 messages, or bag.
-        target: the file to create or replace, atomically; *.mcap or *.bag.
+        target: the file to create or replace, atomically; .mcap or .bag.
         most: no more than this is read, expanded [bytes].
 
     Raises:

@@ -18,33 +18,31 @@ from parcours.run.store import Campaign, open_results
 from parcours.study.campaign.running import facts_of
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Measure, Reported, Results
+from parcours.study.tabling import TableColumn, input_columns
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import quantiles, wilson
 
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
-from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcome_of
+from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcomes_of, rates_of, values_of
 
-# At most so many: reasons in a table, rows of a trace in a table, panels of its chart
+# At most this many: reasons in a table, rows of a trace in a table, panels of its chart
 _FEW, _SHOWN, _PANELS = 10, 200, 8
 
 
 class CampaignResults:
     """The results in one folder (`parcours.study.protocol.Results`). Make them with `read_results`."""
 
-    def __init__(self, study: CampaignStudy, campaign: Campaign, facts: Rows) -> None:
+    def __init__(self, study: CampaignStudy, campaign: Campaign, facts: Rows, planned: int) -> None:
         self.study, self.seed, self.facts = study, campaign.seed, facts
-        self.label, self.planned = campaign.schedule, campaign.n_cases
+        self.label, self.planned = campaign.schedule, planned
         self.settings = settings_of(study.parameters, cast("dict[str, object]", campaign.parameters["settings"]))
         self.numbers: list[int] = facts["number"].tolist()
 
     @functools.cached_property
     def outcomes(self) -> list[Ruling]:
         """The verdicts, in the order of the facts."""
-        return [
-            outcome_of(self.study, row, self.study.known(values, self.settings))
-            for row, values in zip(self.facts, self.study.values(self.facts["number"], self.seed), strict=True)
-        ]
+        return outcomes_of(self.study, self.facts, self.settings, self.seed)
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
@@ -58,17 +56,33 @@ class CampaignResults:
 
         Which way of a fact is worse is what the study says, else what its `fail` formulas imply.
         """
-        found = {
-            name: Measure(np.array([one.verdict is verdict for one in self.outcomes], float), "rate", worse=worse)
-            for name, verdict, worse in RATES
-        }
-        found["failed"] = Measure(found["failed"].values + found["errors"].values)  # an error is no pass
+        rates, ways = rates_of(self.study, self.facts, self.outcomes), {name: worse for name, _, worse in RATES}
+        found = {name: Measure(rates[name], "rate", worse=worse) for name, worse in ways.items()}
         worse = directions(self.study.fail) | dict(self.study.worse)
         for fact in self.study.facts:
-            values = np.where(self.facts["error"] == Fault.NONE, self.facts[fact.name].astype(np.float64), np.nan)
+            values = values_of(self.facts, fact.name)
             kind: Literal["rate", "quantity"] = "rate" if fact.kind == "bool" else "quantity"
             found[fact.name] = Measure(values, kind, fact.unit, worse.get(fact.name, ""))
         return found
+
+    def columns(self) -> Mapping[str, TableColumn]:
+        """Return what is known of the cases: ids, verdicts, reasons, facts, test inputs and their blocks."""
+        facts, study = self.facts, self.study
+        found = {
+            "case": TableColumn(lambda: np.array([study.id(number) for number in self.numbers])),
+            "number": TableColumn(lambda: facts["number"]),
+            "verdict": TableColumn(lambda: np.array([str(one.verdict) for one in self.outcomes])),
+            "reason": TableColumn(lambda: np.array([one.reason for one in self.outcomes])),
+            "error": TableColumn(lambda: facts["error"]),
+        }
+        for one in study.own:
+            found[one.name] = TableColumn(functools.partial(np.full, len(facts), self.settings[one.name]), one.unit)
+        for fact in study.facts:
+            plain = functools.partial(np.ascontiguousarray, facts[fact.name])
+            known = functools.partial(values_of, facts, fact.name)  # NaN after an error
+            found[fact.name] = TableColumn(known if facts["error"].any() else plain, fact.unit)
+        drawn = functools.partial(_drawn, study, facts["number"], self.seed)
+        return found | input_columns(study.inputs, drawn, found)
 
     def replay(self, case: str) -> Page:
         """Return a page on one case, simulated again: it must give the facts that were kept."""
@@ -110,6 +124,10 @@ class CampaignResults:
         return BadResults(id, rule, remedy, slug="replay-differs")
 
 
+def _drawn(study: CampaignStudy, numbers: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+    return np.array(study.values(numbers, seed), np.float64).reshape(len(numbers), len(study.inputs.domains))
+
+
 def _value(value: np.generic) -> object:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else value.item()
 
@@ -127,7 +145,7 @@ def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
                              slug="results-study")  # fmt: skip
     facts = facts_of(store, folder)
     try:
-        return CampaignResults(study, campaign, facts)
+        return CampaignResults(study, campaign, facts, store.planned)
     except (ParcoursError, KeyError, TypeError, AttributeError) as error:
         rule = f"it must have the study's parameters, but: {error}"
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error

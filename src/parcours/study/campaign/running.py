@@ -21,6 +21,7 @@ from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.store import Campaign, Store
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
+from parcours.study.stopping import Rates, Watch, parse_rule
 
 MANIFEST = "campaign.json"
 CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
@@ -69,7 +70,7 @@ class Chosen:
 
 def run_numbered(
     name: str, where: str, numbered: Numbered, n_cases: int, chosen: tuple[int, ...], question: Mapping[str, object],
-    workers: int, request: Request, progress: Progress, label: str,
+    workers: int, request: Request, progress: Progress, label: str, rates: Rates,
 ) -> Run:  # fmt: skip
     """Compute what is missing of a campaign in the request's folder.
 
@@ -84,6 +85,7 @@ def run_numbered(
         request: says the folder.
         progress: reports how far it is.
         label: what runs, in a word or two.
+        rates: what the cases count for each rate that rules may ask for; `failed` is among them.
 
     Raises BadRequest, BadResults, HostFailure: as `run_campaign`.
     """
@@ -93,11 +95,13 @@ def run_numbered(
         campaign = dataclasses.replace(campaign, parameters={**campaign.parameters, CHOSEN: list(chosen)})
         simulate = Chosen(numbered, chosen)
     folder = request.out.absolute()  # a guest may change the current folder
+    watch = Watch([parse_rule(text) for text in request.until], rates, np.zeros(0, campaign.dtype))
     if not (folder / MANIFEST).exists():
         write_question(folder, name, where, question)  # first: whatever ends this process, it says what was asked
     outcome = run_campaign(
         simulate, campaign, folder, workers=workers,  # type: ignore[arg-type]
-        progress=lambda done, total: progress(f"{name}, {label}", done, total),
+        progress=lambda done, total: progress(f"{name}, {label}\n{watch.so_far}", done, total),
+        enough=watch, rules=request.until, max_time=request.max_time,
     )  # fmt: skip
     write_question(folder, name, where, question)
     return Run(outcome.interrupted, str(outcome))
@@ -110,7 +114,7 @@ def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
     """
     facts = store.load(partial=True)
     campaign, absent = store.campaign, set(store.missing())
-    rows = [k for shard in campaign.shards if shard not in absent for k in campaign.cases(shard)]
+    rows = [k for shard in store.shards if shard not in absent for k in campaign.cases(shard)]
     chosen = campaign.parameters.get(CHOSEN)
     if facts["number"].tolist() != ([int(chosen[k]) for k in rows] if isinstance(chosen, list) else rows):
         rule = "shards must hold the cases that their numbers say, but do not"

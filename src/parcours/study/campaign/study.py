@@ -1,7 +1,7 @@
 """A campaign study: numbered cases, drawn from input domains, simulated into facts that formulas judge.
 
 The simulation is anybody's code, a Python function or a program in any language. It runs in worker processes only: an
-exception, facts that are none, a hang or a crash cost the case in which they happen, and no other.
+exception, bad facts, a hang or a crash cost the case in which they happen, and no other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,19 @@ from parcours.run.campaign import run_campaign
 from parcours.run.heartbeat import write_place
 from parcours.study.campaign.calling import REASON_LENGTH, Alarm, PythonCaller, Target, rows_of, shown, words_of
 from parcours.study.campaign.results import Trace, read_results, report_results
-from parcours.study.campaign.rules import ABSTRACT, KINDS, Fact, Rows, Rule, Worse, clashes, outcome_of, types_of
+from parcours.study.campaign.rules import (
+    ABSTRACT,
+    KINDS,
+    Fact,
+    Rows,
+    Rule,
+    Worse,
+    clashes,
+    outcome_of,
+    outcomes_of,
+    rates_of,
+    types_of,
+)
 from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, run_apart
@@ -72,7 +84,7 @@ class CampaignStudy:
     where: str = ""  # how a command line names it
     own: tuple[Parameter, ...] = ()  # parameters of its own
     criterion: str = "each_choice"  # how blocks of inputs are combined
-    n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
+    n_cases: int | None = None  # how many cases are run by default; None for what the criterion needs
     # what results depend on beside settings: name of a file -> digest
     digests: Mapping[str, str] = field(default_factory=dict)
     patience: float = PATIENCE  # longest time for a case [s of wall clock]
@@ -81,6 +93,7 @@ class CampaignStudy:
 
     kind = "campaign"
     family = "campaign"
+    stops = True
 
     def __post_init__(self) -> None:
         where = f"study {self.name!r}"
@@ -213,6 +226,7 @@ class CampaignStudy:
         return run_numbered(
             self.name, self.where, simulation, len(self.plan(request.seed, request.n_cases)), numbers, question,
             int(request.settings["workers"]), request, progress, simulation.label,
+            lambda facts: rates_of(self, facts, outcomes_of(self, facts, request.settings, request.seed)),
         )  # fmt: skip
 
     def read(self, folder: Path) -> Results:

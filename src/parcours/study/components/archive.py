@@ -1,4 +1,4 @@
-"""Recordings of component cases, one a case, and the judging of cases from them."""
+"""Recordings of component cases, one per case, and the judging of cases from them."""
 
 from __future__ import annotations
 

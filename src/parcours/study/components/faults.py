@@ -1,6 +1,6 @@
-"""A component study under faults on purpose: each message lost, doubled or corrupted, each component crashed.
+"""A component study under faults on purpose: each message lost, duplicated or corrupted, each component crashed.
 
-The cases are enforced as ever; one component is given the faulty message, or is gone. What matters is whether a case
+The cases are enforced as usual; one component is given the faulty message, or is gone. What matters is whether a case
 that was struck still passes: a fault that no case notices is one that neither the components nor the oracles resist.
 """
 

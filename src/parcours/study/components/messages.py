@@ -147,7 +147,7 @@ class Messages:
         return msgspec.msgpack.encode(self.checked(channel, payload))
 
     def decode(self, channel: str, data: bytes) -> Plain:
-        """Return the message. Raises BadRequest if these bytes are none of the channel's."""
+        """Return the message. Raises BadRequest if these bytes are not one of the channel's."""
         try:
             return self.checked(channel, msgspec.msgpack.decode(data))
         except msgspec.DecodeError as error:
@@ -204,7 +204,7 @@ class Messages:
 def _unpacked(value: object) -> object:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} is none of them")
+    raise TypeError(f"{type(value).__name__} is not one of them")
 
 
 def _listed_plain(value: object) -> object:

@@ -1,6 +1,6 @@
 """Components that are programs in any language, which speak the component protocol (docs/programs.md).
 
-One JSON object a line, on the program's standard streams or on a Unix socket. It speaks only when asked:
+One JSON object per line, on the program's standard streams or on a Unix socket. It speaks only when asked:
 
     tester                              program
       | hello -------------------------->|
@@ -176,7 +176,7 @@ class Program:
         try:
             given = msgspec.json.decode(line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            raise self._bad("must print JSON, one object a line", line) from None
+            raise self._bad("must print JSON, one object per line", line) from None
         for word in words:
             if isinstance(given, dict) and word in given and given.keys() <= {word, _MAY_HAVE.get(word)}:
                 return given, line

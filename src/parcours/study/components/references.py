@@ -68,7 +68,7 @@ def difference(given: object, wanted: object, tolerance: float) -> str:
 
 
 def _parted(given: object, wanted: object, tolerance: float) -> str:
-    """Return where it differs and what is there, such as `.way[1] is 2.5, but must be 2.0`."""
+    """Return where it differs and what it holds, such as `.way[1] is 2.5, but must be 2.0`."""
     if wanted is None:
         return ""
     if _is_number(given) and _is_number(wanted):

@@ -35,7 +35,7 @@ _FORMAT = "components/3"
 PER_VISIT, PER_CASE = "per-visit", "per-case"  # how many instances of a component a functional case has
 _NOTES = {
     PER_VISIT: "Each visit of a component was an instance of its own.",
-    PER_CASE: "All visits of a component were one instance a case; when timed, each was an instance of its own.",
+    PER_CASE: "All visits of a component were one instance per case; when timed, each was an instance of its own.",
 }
 _LONG = 200  # characters of a message that are shown
 _LONGEST = 2_000  # characters of a reason that are kept

@@ -1,7 +1,7 @@
 """Chooses what the tester gives in a case: the environment's messages, and values of input variables.
 
 The case is followed with symbols in the place of what is open: each field of a message that the environment sends, each
-input variable at each event. What the references send each other is said by the model's payloads, so a guard anywhere
+input variable at each event. What the references send each other follows from the model's payloads, so a guard anywhere
 becomes a condition on what the tester chooses. Together these conditions are solved; what the guards leave open takes
 the value of the test input of the same name, or a default:
 

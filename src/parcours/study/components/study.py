@@ -83,7 +83,7 @@ def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
         Parameter("graph", "text", "", "address of a running ROS 1 master, or a ROS 2 domain; else one of its own",
                   decides=False),
         Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
-        Parameter("instances", "text", PER_CASE, "of a component: one a case, to which answers go, or one a visit",
+        Parameter("instances", "text", PER_CASE, "of a component: one per case, which is answered, or one per visit",
                   choices=(PER_VISIT, PER_CASE)),
         Parameter("orders", "text", "", "of each case to try beside its own: all, N, or pct:d or pct:d:N"),
         Parameter("repeats", "int", 60, "of a timing case", low=1, high=100_000),
@@ -106,7 +106,7 @@ class ComponentStudy:
     paths: str = "edge"  # coverage criterion of the internal paths
     policy: str = ""  # of serialisation; the model's if empty
     alone: bool = False  # whether paths that hear from their peers only are asked by the tester, too (`ask_alone`)
-    n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
+    n_cases: int | None = None  # how many cases are run by default; None for what the criterion needs
     time_budget: float = 20.0  # of a case [s]
     supply: Formulas = field(default_factory=dict)  # formulas for fields of the environment's messages
     set_before: Formulas = field(default_factory=dict)  # formulas for input variables before a transition
@@ -221,7 +221,7 @@ class ComponentStudy:
         )
 
     def fields(self, channel: str, payload: object) -> Mapping[str, object] | None:
-        """Return a payload as the model's message. Raises BadRequest if it is none."""
+        """Return a payload as the model's message. Raises BadRequest if it is not one."""
         return plain(channel, payload)
 
     def known(self, case: Case, settings: Settings) -> dict[str, Scalar]:
@@ -284,7 +284,7 @@ class ComponentStudy:
         return self._visits(abstract, order, case.seed if order else 0, self.alone and not timed, one_instance)
 
     def events(self, case: Case) -> tuple[Event, ...]:
-        """Return the events of a case, with an instance a visit. Raises BadSuite if it is no case of the study."""
+        """Return the events of a case, with one instance per visit. Raises BadSuite if it is no case of the study."""
         return self.visits(case, {}).events
 
     def takes_any_time(self, component: str) -> bool:

@@ -44,10 +44,10 @@ ORACLES, MESSAGES = "campaign oracles", "system messages"
 STAGES = (CHECK, CASES, CONFORMANCE, ORACLES, MESSAGES, TWIN)
 _PLENTY = 2**62
 _TRIES = 50  # changes of a message that are tried
-_CAMPAIGN = 300  # cases of a campaign if nothing is said
-_SHOWING = 100  # one case of so many is run again in the form that shows its messages
+_CAMPAIGN = 300  # cases of a campaign by default
+_SHOWING = 100  # one case in this many is run again in the form that shows its messages
 # A mutant that hangs counts as noticed, and on a busy machine a sound one looks like it. Loops are counted, so the
-# clock is for what sleeps or waits for ever, and is so many times as patient as in a run.
+# clock is for what sleeps or never ends, and is this many times as patient as in a run.
 PATIENCE = 6.0
 _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
 
@@ -276,7 +276,7 @@ class AnyStudy:
         self.stages: tuple[str, ...] = (ORACLES, MESSAGES) if isinstance(study, Showing) else (ORACLES,)
 
     def cases(self, n: int | None) -> Iterator[Case]:
-        """Yield the first cases; a few hundred at most if nothing is said."""
+        """Yield the first cases; by default a few hundred at most."""
         return islice(self._study.suite(self._settings, self._seed, n), n or _CAMPAIGN)
 
     def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> CaseObservation:

@@ -70,7 +70,7 @@ class MutationResults:
 
     @staticmethod
     def seen_by(outcome: MutantOutcome) -> str:
-        """Return which oracle would have seen a survivor: where the golden twin sees it part from the original."""
+        """Return which oracle would have seen a survivor: where the golden twin sees it differ from the original."""
         case, what = outcome.seen.get(TWIN, ("", ""))
         return "; ".join(part for part in (what, f"in {case}" if case else "") if part)
 

@@ -73,7 +73,7 @@ class Behaviour:
         own = cefsm.component(component)
         names = [channel.name for channel in cefsm.channels]
         for name in sorted(allowance.unmodelled - set(names)):
-            rule = f"only a channel can be let pass, but {name!r} is none"
+            rule = f"only a channel can be let pass, but {name!r} is not one"
             raise BadRequest("unmodelled", rule, one_of(name, names), slug="unknown-channel")
         self._steps = StepRelation(_alone(cefsm, own))
         self.reads = tuple(dict.fromkeys(each.event.channel for each in own.transitions() if each.event))

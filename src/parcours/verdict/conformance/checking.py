@@ -26,7 +26,7 @@ HIDDEN = 2000
 """Most states that are followed through steps nobody sees."""
 
 LONGEST_PATH = 10_000
-"""So many steps of the path that led to a deviation are kept."""
+"""How many steps of the path to a deviation are kept."""
 
 
 def no_fields(channel: str, payload: object) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 SAMPLE = 0.1  # Between two states of a trajectory [s]
 NEVER = 9999.0  # The time of what never happens [s]
 LONGEST = 50.0  # A trajectory is cut off there [s]
-KNOTS = 8  # So many times of knots a trajectory has
+KNOTS = 8  # How many knots' times a trajectory has
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.complex128]
@@ -87,7 +87,7 @@ class Profile:
         return self.up + self.hold + self.down
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
-        """Return way made and speed at times [s] since its begin."""
+        """Return way made and speed at times [s] since its start."""
         up = np.clip(time, 0.0, self.up)
         hold = np.clip(time - self.up, 0.0, self.hold)
         down = np.clip(time - self.up - self.hold, 0.0, self.down)

@@ -42,7 +42,7 @@ class Piece:
 
 @dataclass(slots=True)
 class Way:
-    """The pieces of a way, and what is said of it."""
+    """The pieces of a way, and its attributes."""
 
     first_heading: float
     pieces: list[Piece] = field(default_factory=list)
@@ -210,7 +210,7 @@ def estimate(way: Way, knots: list[complex], heading: float) -> None:
 
 
 def speeds(way: Way, n: Numbers) -> list[float]:
-    """Return the greatest speeds at the begin of each piece and at the end, if the way may begin as fast as it likes.
+    """Return the greatest speeds at the start of each piece and at the end, if the way may begin as fast as it likes.
 
     Energies (v^2 / 2) are compared: on a straight they change by no more than acceleration times way.
     """
@@ -223,7 +223,7 @@ def speeds(way: Way, n: Numbers) -> list[float]:
 
 
 def can_be_driven(way: Way, n: Numbers) -> bool:
-    """Return whether the speed at its begin can be slowed down as the way demands."""
+    """Return whether the speed at its start can be slowed down as the way demands."""
     return way.v0 <= speeds(way, n)[0] + 1e-9
 
 

@@ -63,7 +63,7 @@ class ForeignGraph(Protocol):
     ending: float
 
     def renew(self) -> None:
-        """Begin a run: nothing of an earlier one is heard, and latched messages are forgotten."""
+        """Begin a run: nothing of an earlier one is heard, and latched messages are dropped."""
 
     # Topics and services. The same end is returned if it is there already.
 
@@ -120,6 +120,9 @@ class ForeignGraph(Protocol):
 
     def set_parameter(self, key: str, value: Value) -> None:
         """Set a parameter. Raises HostFailure if that is refused."""
+
+    def lead(self, node: str, state: str) -> bool:
+        """Lead a lifecycle node towards a state; return whether it is in it. Raises HostFailure if it refuses."""
 
     # Recordings.
 

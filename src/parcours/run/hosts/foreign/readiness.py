@@ -97,17 +97,20 @@ class Readiness:
         host = self._host
         match one.kind:
             case "bound":
-                spokes = [spoke for spoke in self._seating.spokes if spoke.slot == slot.name]
+                is_stack = host.binding.stack is not None  # whose channels are those of all nodes together
+                spokes = [spoke for spoke in self._seating.spokes if spoke.slot == ("" if is_stack else slot.name)]
                 if (
                     any(call.client == slot.name for call in self._relay.calls)
                     and self._now() - self._began[slot.name] > _EARLIEST
                 ):
                     return True  # it waits for an answer before it goes on
-                return all(host.is_connected(spoke, slot.ros_node) for spoke in spokes)
+                return all(host.is_connected(spoke, "" if is_stack else slot.ros_node) for spoke in spokes)
             case "after":
                 return self._now() - self._began[slot.name] >= float(one.value) * 1e9
             case "parameter":
                 return bool(host.graph.parameter(one.name) == one.value)
+            case "life":
+                return host.graph.lead(slot.ros_node, str(one.value))
             case "node":
                 return host.graph.answers(one.name)
             case "message":

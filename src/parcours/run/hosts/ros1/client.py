@@ -87,7 +87,7 @@ class Client:
         """Return what calls a service; nothing is connected yet."""
         return Caller(self, service, kind, lanes)
 
-    # One frame a message, also where several are sent together: the Google Test export's C++ reads the same.
+    # One frame per message, also where several are sent together: the Google Test export's C++ reads the same.
 
     def wrap(self, frames: Sequence[bytes]) -> list[bytes]:
         """Return each frame as a std_msgs/UInt8MultiArray."""

@@ -182,6 +182,11 @@ class Ros1Graph:
         """Set a parameter."""
         self.declare({key: value})
 
+    def lead(self, node: str, state: str) -> bool:
+        """Raise HostFailure: nodes of ROS 1 have no lifecycle."""
+        rule = f"must become {state}, but nodes of ROS 1 have no lifecycle"
+        raise HostFailure(f"node {node}", rule, slug="foreign-step")
+
     def kind(self, type_: str) -> Raw | None:
         """Return an empty message of a type, as recordings name it."""
         found = self._known.kind(type_)

@@ -111,7 +111,7 @@ class Ros1Codec:
         return self._packing(channel).pack(self._flatten(channel, payload))
 
     def decode(self, channel: str, data: bytes) -> object:
-        """Return the payload. Raises BadRequest, naming the channel, if these bytes are none."""
+        """Return the payload. Raises BadRequest, naming the channel, if these bytes are not one."""
         return self._restore(channel, self._packing(channel).unpack(data))
 
     def flatten(self, channel: str, payload: object) -> tuple[object, ...]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from parcours.run.hosts.ros2.foreign_graph import Ros2Graph
 
 _DEPTH = 1000
-"""How many messages wait for the tester; the depth of the other end is not told by a graph."""
+"""How many messages wait for the tester; a graph does not show the depth of the other end."""
 
 
 def full_name(name: str, namespace: str) -> str:
@@ -189,7 +189,7 @@ class ServiceCaller:
         """Call; `answered` gets the response, or None and why there is none."""
         try:
             request = self._graph.types.unpacked_as(self._kind.Request, data)
-        except Exception as error:  # spoilt on purpose, or by its sender
+        except Exception as error:  # corrupted on purpose, or by its sender
             answered(None, f"the request cannot be read: {error}")
             return
         self._waiting[self._client.handle.send_request(request)] = answered

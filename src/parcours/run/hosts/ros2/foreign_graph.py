@@ -17,6 +17,7 @@ from typing import Any
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.binding import Binding, Graph
 from parcours.run.binding.graph import Quality
+from parcours.run.binding.schema import LIVES
 from parcours.run.binding.slots import Slot
 from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
@@ -41,6 +42,10 @@ _LOOK = 10_000_000
 
 _PIECE = 5_000_000
 """The longest wait in one piece [ns]: in between, descriptors are looked at."""
+
+_CHANGES = {("unconfigured", True): "configure", ("inactive", True): "activate", ("active", False): "deactivate",
+            ("inactive", False): "cleanup"}  # fmt: skip
+"""The next transition of a lifecycle node, by its state and whether it goes up."""
 
 _ANSWER = 1.0
 """How long a node may take to answer a question about its parameters [s]."""
@@ -81,6 +86,9 @@ class Ros2Graph:
             self.participant = self._participant = Participant(TESTER[1:])
         self.environment = {name: os.environ[name] for name in os.environ if name.startswith(("ROS_", "FASTDDS_"))}
         self.environment = {**self.environment, "ROS_DOMAIN_ID": str(self.participant.domain)}
+        if self.known.built is not None:
+            paths = (str(self.known.built), os.environ.get("PYTHONPATH", ""))
+            self.environment = {**self.environment, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
     def close(self) -> None:
         """Leave the graph."""
@@ -90,7 +98,7 @@ class Ros2Graph:
         self._closing.close()
 
     def renew(self) -> None:
-        """Be on the graph anew."""
+        """Join the graph again."""
         self.refusals.clear()
         for table in (self._ends, self._callers, self._served):
             table.clear()
@@ -268,6 +276,25 @@ class Ros2Graph:
         why = "its node does not answer" if answer is None else answer.results[0].reason or "its node refuses"
         if answer is None or not answer.results[0].successful:
             raise HostFailure(f"parameter {key}", f"must be set to {value!r:.60}, but {why}", slug="foreign-step")
+
+    def lead(self, node: str, state: str) -> bool:
+        """Lead a lifecycle node towards a state; return whether it is in it. Raises HostFailure if it refuses."""
+        from lifecycle_msgs.msg import Transition
+        from lifecycle_msgs.srv import ChangeState, GetState
+
+        key = f"{node}/"
+        while (answer := self._inquired(key, GetState, "get_state", GetState.Request())) is not None:
+            now = answer.current_state.label
+            if now == state or now not in LIVES:  # it is there, or on its way
+                return bool(now == state)
+            change = _CHANGES[now, LIVES.index(state) > LIVES.index(now)]
+            number = getattr(Transition, f"TRANSITION_{change.upper()}")
+            request = ChangeState.Request(transition=Transition(id=number))
+            done = self._inquired(key, ChangeState, "change_state", request)
+            if done is not None and not done.success:
+                rule = f"must become {state}, but from {now} it refuses to {change}"
+                raise HostFailure(f"node {node}", rule, "look into its output", slug="foreign-step")
+        return False
 
     def _inquired(self, key: str, kind: Any, service: str, request: Any) -> Any:
         """Return a node's answer; None if there is none in time."""

@@ -1,4 +1,4 @@
-"""Finds the classes of installed ROS 2 message and service types, and writes their definitions for recordings."""
+"""Finds the classes of ROS 2 types, building what is not installed, and writes definitions for recordings."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import re
 import sys
 from typing import Any
 
-from parcours.errors import BadRequest
 from parcours.run.binding import Binding, MessageTypes
 from parcours.run.binding.message_types import slot_of
+from parcours.run.hosts.ros2.building import built
 from parcours.run.hosts.ros2.participant import require_rclpy
 from parcours.run.recording import Raw
 
@@ -24,22 +24,25 @@ _SEPARATOR = "=" * 80
 
 
 class Ros2Types:
-    """The types of a foreign system, all of installed packages.
+    """The types of a foreign system: of installed packages, and of those that `interfaces` of the binding define.
+
+    Attributes:
+        built: the folder of the latter; None if there is none.
 
     Raises:
         HostFailure: there is no rclpy.
-        BadRequest: the binding names files of definitions: on ROS 2 they must be built.
+        BadRequest: a definition cannot be built.
     """
 
     def __init__(self, binding: Binding) -> None:
         require_rclpy()
-        if binding.interfaces:
-            rule = "types of a ROS 2 system must be built and installed, but 'interfaces' names files"
-            remedy = "build their package (colcon build), source it, and delete 'interfaces'"
-            raise BadRequest(binding.source or binding.name, rule, remedy, slug="message-definition")
-        for folder in binding.python_paths:
-            if str(folder.resolve()) not in sys.path:
-                sys.path.append(str(folder.resolve()))
+        folders = [folder.resolve() for folder in binding.python_paths]
+        for folder in folders:
+            if str(folder) not in sys.path:
+                sys.path.append(str(folder))
+        self.built = built(binding.interfaces) if binding.interfaces else None
+        if self.built is not None and str(self.built) not in sys.path:
+            sys.path.append(str(self.built))
         importlib.invalidate_caches()
         from rclpy.serialization import deserialize_message, serialize_message
 
@@ -47,8 +50,10 @@ class Ros2Types:
         self._kinds: dict[str, Raw] = {}
 
     def find(self, name: str) -> Any:
-        """Return the class of a message, or of a service's half such as `nav_msgs/GetPlanRequest`; None if unknown."""
+        """Return the class of a message, of half a service (`nav_msgs/GetPlanRequest`) or an action's goal, or None."""
         found = _imported(name, "msg")
+        if found is None and name.endswith("Goal"):
+            found = getattr(self.action(name.removesuffix("Goal")), "Goal", None)
         for half in _HALVES:
             if found is None and name.endswith(half):
                 found = getattr(self.service(name.removesuffix(half)), half, None)
@@ -57,6 +62,10 @@ class Ros2Types:
     def service(self, name: str) -> Any:
         """Return the class of a service; None if it is unknown."""
         return _imported(name, "srv")
+
+    def action(self, name: str) -> Any:
+        """Return the class of an action; None if it is unknown."""
+        return _imported(name, "action")
 
     def kind(self, name: str) -> Raw | None:
         """Return an empty message of a type, with its definition; None if the type is unknown."""

@@ -150,7 +150,7 @@ class Participant:
 
             def reply(data: bytes | None) -> None:
                 if data is not None:
-                    with contextlib.suppress(Exception):  # bytes that were spoilt on purpose are no answer
+                    with contextlib.suppress(Exception):  # bytes that were corrupted on purpose are no answer
                         server.send_response(types.unpacked_as(kind.Response, data), header)
 
             asked(types.packed(request), reply)

@@ -1,15 +1,20 @@
 """Leads nodes that use simulated time from instant to instant by /clock, as fast as they can work.
 
 A step publishes the next instant and waits until all nodes are quiet. Whether one is cannot be seen from outside, but
-it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks, so a
-question is answered between two of them. What a node is asked after the clock has moved is answered after it has heard
-of that, and what it is asked next, after the timers that have become due.
+it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks. An
+executor looks what is there, and runs one callback of each entity that has something; that is one round. It looks at
+subscriptions before services, so a question that arrives just then overtakes what was published before it:
+
+    round 1  looks at /clock, nothing | /clock moves, question 1 | looks at services: question 1    at worst
+    round 2  /clock, question 2
+    round 3  timers that are due, question 3
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -20,8 +25,17 @@ from parcours.run.hosts.ros2.participant import Participant
 START = 1_000_000_000
 """The first instant [ns]: zero on /clock means that there is no time yet."""
 
-_DISCOVERY = 30.0
-_ROUNDS_OF_A_HOP = 2
+_QUESTIONS = 2
+"""How many follow a message [rounds]: with the second answer it has been heard."""
+
+_QUESTIONS_OF_A_STEP = 3
+"""How many follow the clock [rounds]: with the third answer the timers that are due have fired."""
+
+_AHEAD = 100_000_000_000
+"""How far time goes ahead before it goes back for the first time [ns]: no timer waits that long."""
+
+_PIECE = 50_000_000
+"""The longest wait in one piece [ns]."""
 
 
 class SteppedClock:
@@ -36,6 +50,9 @@ class SteppedClock:
         quiet: how long all must be silent after they have answered [ns of real time]; for nodes that have
             threads of their own.
         within: how long a step may take [s of real time].
+        tasks: how many coroutines may wake each other, as those of action servers are woken by timers [rounds].
+        discovery: how long nodes may take to be found [s of real time].
+        look: called now and then while nodes are waited for; what it raises ends the waiting.
 
     Raises:
         BadRequest: step is not positive.
@@ -45,7 +62,8 @@ class SteppedClock:
     name: ClockName = "simulated"
 
     def __init__(self, participant: Participant, nodes: Sequence[str], watched: Mapping[str, Any] | None = None, *,
-                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, within: float = 10.0) -> None:  # fmt: skip
+                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, tasks: int = 0, within: float = 10.0,
+                 discovery: float = 30.0, look: Callable[[], None] = lambda: None) -> None:  # fmt: skip
         from rcl_interfaces.srv import GetParameterTypes
         from rclpy.qos import QoSProfile, ReliabilityPolicy
         from rosgraph_msgs.msg import Clock as ClockMessage
@@ -53,12 +71,13 @@ class SteppedClock:
         if step <= 0:
             raise BadRequest("stepped clock", f"a step takes time, but {step} ns was given", slug="ros2-step")
         self._participant, self._step, self._quiet, self._within = participant, step, quiet, within
-        self._rounds = _ROUNDS_OF_A_HOP * (hops + 1)
+        self._discovery, self._look = discovery, look
+        self._rounds, self._tasks = hops + 1, tasks
         self._zero = self._instant = START
         self._message = ClockMessage()
         self._publisher = participant.node.create_publisher(ClockMessage, "/clock", 10)
         self._ask = GetParameterTypes.Request()
-        self._unanswered: set[str] = set()
+        self._unanswered: Counter[str] = Counter()
         self._heard = 0
         self._clients: dict[str, Any] = {}
         for node in nodes:
@@ -71,13 +90,15 @@ class SteppedClock:
         self._publish()
 
     def _answer(self, node: str, number: int, answer: object) -> None:
-        self._unanswered.discard(node)
+        self._unanswered[node] -= 1
+        if self._unanswered[node] <= 0:
+            del self._unanswered[node]
 
     def _hear(self, message: bytes) -> None:
         self._heard += 1
 
     def _await_nodes(self) -> None:
-        deadline = time.monotonic() + _DISCOVERY
+        deadline = time.monotonic() + self._discovery
         while True:
             absent = [node for node, client in self._clients.items() if not client.service_is_ready()]
             deaf = self._publisher.get_subscription_count() < len(self._clients)
@@ -113,38 +134,68 @@ class SteppedClock:
         self.advance(until)
 
     def restart(self) -> None:
-        """Count from now on; on /clock time never goes back."""
+        """Count from now on; on /clock time goes on."""
         self._zero = self._instant
 
     def _publish(self) -> None:
         self._message.clock.sec, self._message.clock.nanosec = divmod(self._instant, 1_000_000_000)
         self._publisher.publish(self._message)
-        self.settle()
+        self._settle(_QUESTIONS_OF_A_STEP)
+
+    def begin(self) -> None:
+        """Set /clock back to its first instant, and count from there: timers of nodes start their periods again.
+
+        Time goes back each time, the first one, too, so that nodes find nothing different.
+        """
+        if self._instant == START:
+            self._instant += _AHEAD
+            self._publish()
+        self._zero = self._instant = START
+        self._publish()
+
+    def stirred(self) -> None:
+        """Take note that nodes are not quiet: one was heard on another way."""
+        self._heard += 1
 
     def settle(self) -> None:
         """Return once all nodes are quiet: also after something was said to them.
 
         Raises HostFailure if a node does not come to rest, or answers no more.
         """
+        self._settle(_QUESTIONS)
+
+    def _settle(self, questions: int) -> None:
         deadline = time.perf_counter_ns() + int(self._within * 1e9)
         quiet_rounds = 0
         while quiet_rounds < self._rounds:
             before = self._heard
-            self._question(deadline)
-            quiet_rounds = quiet_rounds + 1 if self._heard == before else 0
+            self._question(questions + self._tasks, deadline)
+            is_quiet = self._rounds == 1 or self._heard == before  # without hops nobody else listens
+            quiet_rounds = quiet_rounds + 1 if is_quiet else 0
             if quiet_rounds == self._rounds and self._quiet:
-                self._participant.spin(time.perf_counter_ns() + self._quiet)
+                until = time.perf_counter_ns() + self._quiet
+                while self._participant.spin(until):
+                    pass
                 quiet_rounds = quiet_rounds if self._heard == before else 0
             if time.perf_counter_ns() > deadline:
                 rule = f"all nodes must be quiet within {self._within:g} s of real time, but messages go on"
                 raise HostFailure("stepped clock", rule, "are there timers on the real clock?", slug="ros2-restless")
 
-    def _question(self, deadline: int) -> None:
-        self._unanswered.update(self._clients)
-        for client in self._clients.values():
-            client.handle.send_request(self._ask)
+    def _question(self, questions: int, deadline: int) -> None:
+        """Ask each node several times at once: an executor takes one question in a round of its callbacks."""
+        self._unanswered = Counter(dict.fromkeys(self._clients, questions))
+        for _ in range(questions):
+            for client in self._clients.values():
+                client.handle.send_request(self._ask)
         while self._unanswered:
-            if not self._participant.spin(deadline):
+            now = time.perf_counter_ns()
+            if self._participant.spin(min(deadline, now + _PIECE)):
+                continue
+            self._look()
+            if self._unanswered and time.perf_counter_ns() >= deadline:
                 who = ", ".join(sorted(self._unanswered))
                 rule = f"each node must answer within {self._within:g} s of real time, but silent is {who}"
                 raise HostFailure("stepped clock", rule, "see whether it still runs", slug="ros2-restless")
+        # What was said before the last answer is here by now, but may not have been looked for.
+        while self._participant.spin(time.perf_counter_ns()):
+            pass

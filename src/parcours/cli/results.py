@@ -1,0 +1,92 @@
+"""`parcours results`: ask the results of a run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from parcours.cli.options import PATH, as_json, named_study, print_json, print_rows
+
+if TYPE_CHECKING:
+    from parcours.study.tabling import ResultTable
+
+
+@click.command("results")
+@click.argument("folder", type=PATH)
+@click.option("--by", "keys", multiple=True, metavar="KEY", help="Rates of each value of a column; may be repeated.")
+@click.option("--where", metavar="CONDITION", help='Of these cases only: "outcome == stuck && travelled > 2".')
+@click.option("--sql", metavar="QUERY", help="What a query of the table `results` gives (DuckDB).")
+@click.option("--parquet", type=PATH, metavar="FILE", help="Write the cases as Parquet.")
+@click.option("--csv", type=PATH, metavar="FILE", help="Write the cases as CSV.")
+@click.option("--columns", is_flag=True, help="List the columns, with their units.")
+@named_study
+@as_json
+def command(
+    folder: Path, keys: tuple[str, ...], where: str | None, sql: str | None, parquet: Path | None, csv: Path | None,
+    columns: bool, study: str, as_json: bool,
+) -> None:  # fmt: skip
+    """Ask the results in FOLDER: rates by start vector, block, planner or any other column, or SQL over all cases.
+
+    Example: parcours results out/ramp --by start
+
+    Example: parcours results out/ramp --sql "SELECT outcome, count(*), avg(travelled) FROM results GROUP BY ALL"
+
+    Example: parcours results out/ramp --where "verdict == fail" --parquet failures.parquet
+    """
+    from parcours.study.tabling import read_table
+
+    table = read_table(folder, study)
+    table = table.where(where) if where else table
+    if parquet is not None:
+        table.write_parquet(parquet)
+        click.echo(f"wrote {parquet}", err=True)
+    if csv is not None:
+        table.write_csv(csv)
+        click.echo(f"wrote {csv}", err=True)
+    if columns:
+        listed = [(name, column.unit, name in table.rates) for name, column in table.columns.items()]
+        if as_json:
+            print_json([dict(zip(("column", "unit", "rate"), one, strict=True)) for one in listed])
+        else:
+            print_rows("Columns", ("column", "unit", ""), [(*one[:2], "rate" if one[2] else "") for one in listed])
+    elif sql:
+        names, rows = table.sql(sql)
+        if as_json:
+            print_json([dict(zip(names, map(_json, row), strict=True)) for row in rows])
+        else:
+            print_rows("Results", names, [tuple(map(_cell, row)) for row in rows])
+    elif keys or not (parquet or csv):
+        _print_groups(table, keys, as_json)
+
+
+def _print_groups(table: ResultTable, keys: tuple[str, ...], as_json: bool) -> None:
+    groups = table.by(keys)
+    if as_json:
+        print_json([
+            {**dict(zip(keys, map(_json, head), strict=True)),
+             "rates": {name: {"count": of.count, "cases": of.n, "share": _json(of.share), "low": of.low,
+                              "high": of.high} for name, of in rates.items()}}
+            for head, rates in groups.items()
+        ])  # fmt: skip
+        return
+    rows = [
+        (*map(_cell, head), max((of.n for of in rates.values()), default=0),
+         *(f"{of.share:.1%} [{of.low:.1%}, {of.high:.1%}]" if of.n else None for of in rates.values()))
+        for head, rates in groups.items()
+    ]  # fmt: skip
+    print_rows("Results", (*keys, ("cases", ",d"), *table.rates), rows, "Shares of the cases, Wilson 95 % intervals.")
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if value is None or isinstance(value, int | float | str) else str(value)
