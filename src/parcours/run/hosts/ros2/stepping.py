@@ -2,8 +2,8 @@
 
 A step publishes the next instant and waits until all nodes are quiet. Whether one is cannot be seen from outside, but
 it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks. An
-executor looks for what has come, and runs one callback of each entity that has something; that is one round. It looks at
-subscriptions before services, so a question that arrives just then overtakes what was published before it:
+executor looks for what has come, and runs one callback of each entity that has something: that is one round. It
+looks at subscriptions before services, so a question that arrives just then overtakes what was published before it:
 
     round 1  looks at /clock, nothing | /clock moves, question 1 | looks at services: question 1    at worst
     round 2  /clock, question 2
