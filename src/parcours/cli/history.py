@@ -30,6 +30,7 @@ def command(
     from dataclasses import asdict
     from datetime import datetime
 
+    from parcours.report.pieces import Column
     from parcours.study.history import append, entry_of, read_history
 
     for folder in folders:
@@ -43,18 +44,17 @@ def command(
         shown = ((rate, one.rate(rate)) for rate in rates)
         cells = (f"{of.share:.2%} [{of.low:.2%}, {of.high:.2%}]" if of is not None else None for _, of in shown)
         rows.append((one.date, one.commit, f"{one.study} {one.label}", one.cases, *cells))
-    heads = ("date", "commit", "run", ("cases", ",d"), *rates)
+    heads = [Column("date"), Column("commit"), Column("run"), Column("cases", ",d"), *map(Column, rates)]
     print_rows("History", heads, rows, "Shares of the cases, Wilson 95 % intervals.")
     if html is not None:
         from parcours.report.page import to_html
-        from parcours.report.pieces import Column, Page, Section, Table
+        from parcours.report.pieces import Page, Section, Table
         from parcours.report.rates import intervals
         from parcours.report.writing import write_text
 
-        columns = tuple(Column(*((head,) if isinstance(head, str) else head)) for head in heads)
         names = [f"{k}: {one.commit or one.date}" for k, one in enumerate(entries, start=1)]
         drawn = {name: [one.rate(name) for one in entries] for name in rates}
         figure = intervals("Rates over time", names, drawn, "share of the cases")
-        section = Section("Rates over time", "", (Table("History", columns, tuple(rows)), figure))
+        section = Section("Rates over time", "", (Table("History", tuple(heads), tuple(rows)), figure))
         write_text(html, to_html(Page("History", str(file), (), (section,))))
         click.echo(f"wrote {html}", err=True)

@@ -247,7 +247,7 @@ def input_columns(
             return np.asarray(column, np.int64 if kind == "integer" else np.float64)
 
         def block(k: int = k, labels: NDArray[np.str_] = labels) -> NDArray[Any]:
-            return labels[inputs.domains[k].blocks_of(drawn()[:, k])]  # OUTSIDE is -1, the last
+            return np.asarray(labels[inputs.domains[k].blocks_of(drawn()[:, k])])  # OUTSIDE is -1, the last
 
         columns[name] = TableColumn(value, domain.unit)
         columns[f"{name}_block"] = TableColumn(block)

@@ -51,6 +51,10 @@ class CampaignResults:
         """Return the verdict of every finished case."""
         return [dataclasses.replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
+    def verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return verdicts(self.found.facts, self.found.requirements)
+
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
         facts = self.found.facts
