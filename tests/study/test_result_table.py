@@ -147,4 +147,4 @@ def test_blocks_of_inputs_stand_beside_their_values() -> None:
 def test_verdicts_without_reasons_are_those_of_the_cases(ramp: Path) -> None:
     results = find("ramp_system").read(ramp)
     assert isinstance(results, Judged)
-    assert list(results.verdicts()) == [one.verdict for one in results.cases()]
+    assert list(results.case_verdicts()) == [one.verdict for one in results.cases()]

@@ -188,13 +188,13 @@ def check_conditions(conditions: Sequence[GateCondition], results: Results) -> l
 class Judged(Protocol):
     """Results that know the verdicts of their cases without making up reasons."""
 
-    def verdicts(self) -> Sequence[Verdict]:
+    def case_verdicts(self) -> Sequence[Verdict]:
         """Return them in the order of `cases`."""
 
 
 def verdicts_of(results: Results) -> Sequence[Verdict]:
     """Return the verdict of every case of results."""
-    return results.verdicts() if isinstance(results, Judged) else [case.verdict for case in results.cases()]
+    return results.case_verdicts() if isinstance(results, Judged) else [case.verdict for case in results.cases()]
 
 
 @dataclass(frozen=True, slots=True)

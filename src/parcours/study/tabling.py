@@ -42,7 +42,7 @@ class TableColumn:
 class Tabled(Protocol):
     """Results that know more of their cases than verdicts and measures."""
 
-    def columns(self) -> Mapping[str, TableColumn]:
+    def table_columns(self) -> Mapping[str, TableColumn]:
         """Return columns by name, in the order of `measures`; `case` (ids) and `verdict` are among them."""
 
 
@@ -203,7 +203,7 @@ def table_of(results: Results) -> ResultTable:
     measures = results.measures()
     columns: dict[str, TableColumn] = {}
     if isinstance(results, Tabled):
-        columns |= results.columns()
+        columns |= results.table_columns()
     else:
         cases = list(results.cases())
         columns["case"] = TableColumn(lambda: np.array([one.id for one in cases]))

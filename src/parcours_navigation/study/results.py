@@ -51,7 +51,7 @@ class CampaignResults:
         """Return the verdict of every finished case."""
         return [dataclasses.replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
-    def verdicts(self) -> Sequence[Verdict]:
+    def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""
         return verdicts(self.found.facts, self.found.requirements)
 
@@ -74,7 +74,7 @@ class CampaignResults:
             found[f"robustness({one.name})"] = Measure(values[:, k], "quantity", one.unit, "less")
         return found
 
-    def columns(self) -> Mapping[str, TableColumn]:
+    def table_columns(self) -> Mapping[str, TableColumn]:
         """Return what is known of the cases: ids, start vectors, outcomes, facts, test inputs and their blocks."""
         facts, cases = self.found.facts, self.found.cases
         numbers = facts["number"]

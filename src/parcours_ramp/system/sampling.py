@@ -101,9 +101,9 @@ class SampledCampaign(CampaignResults):
         ]
         return [*super().cases(), *again]
 
-    def verdicts(self) -> Sequence[Verdict]:
+    def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""
-        return [*super().verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
+        return [*super().case_verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
 
     def reported(self, name: str) -> Reported:
         """Return the table of sampled cases; nothing without any."""

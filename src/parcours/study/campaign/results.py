@@ -65,7 +65,7 @@ class CampaignResults:
             found[fact.name] = Measure(values, kind, fact.unit, worse.get(fact.name, ""))
         return found
 
-    def columns(self) -> Mapping[str, TableColumn]:
+    def table_columns(self) -> Mapping[str, TableColumn]:
         """Return what is known of the cases: ids, verdicts, reasons, facts, test inputs and their blocks."""
         facts, study = self.facts, self.study
         found = {
