@@ -243,7 +243,7 @@ def input_columns(
         def value(k: int = k, words: tuple[str, ...] = domain.values, kind: str = domain.kind) -> NDArray[Any]:
             column = drawn()[:, k]
             if words:
-                return np.array(words)[column.astype(int)]
+                return np.asarray(np.array(words)[column.astype(int)])
             return np.asarray(column, np.int64 if kind == "integer" else np.float64)
 
         def block(k: int = k, labels: NDArray[np.str_] = labels) -> NDArray[Any]:
