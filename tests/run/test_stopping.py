@@ -106,3 +106,16 @@ def test_a_note_that_is_damaged_or_of_another_campaign_is_refused(
     (tmp_path / STOP).write_text(json.dumps(json.loads((stopped / STOP).read_bytes()) | change))
     with pytest.raises(BadResults, match="results-stopped"):
         open_results(tmp_path).load()
+
+
+def test_results_are_read_into_one_array_never_twice_into_memory(tmp_path: Path) -> None:
+    import tracemalloc
+
+    wide = Campaign("wide", "plain", 1, 4096, np.dtype([("number", "i8"), ("all", "f8", (127,))]), shard_size=64)
+    run_campaign(lambda first, count: np.zeros(count, wide.dtype), wide, tmp_path)
+    store = open_results(tmp_path)
+    tracemalloc.start()
+    rows = store.load()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert rows.nbytes == 4096 * 1024 and peak < 1.3 * rows.nbytes

@@ -17,6 +17,7 @@ from parcours.data import split
 from parcours.data.inputs import InputModel
 from parcours.errors import BadRequest
 from parcours.study.finding import find
+from parcours.study.gate import Judged
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Request
 from parcours.study.tabling import ResultTable, input_columns, read_table
@@ -141,3 +142,9 @@ def test_blocks_of_inputs_stand_beside_their_values() -> None:
     assert list(columns) == ["input_x", "input_x_block", "n", "n_block"] and columns["input_x"].unit == "m"
     assert columns["input_x_block"].make().tolist() == ["[0, 1]", "(1, 2]", "outside"]
     assert columns["n"].make().dtype.kind == "i" and set(Outcome)
+
+
+def test_verdicts_without_reasons_are_those_of_the_cases(ramp: Path) -> None:
+    results = find("ramp_system").read(ramp)
+    assert isinstance(results, Judged)
+    assert list(results.case_verdicts()) == [one.verdict for one in results.cases()]

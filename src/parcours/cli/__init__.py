@@ -34,6 +34,7 @@ COMMANDS = {
     "judge": "Recordings of runs, judged again.",
     "report": "Results of runs as tables, HTML and JUnit.",
     "results": "Ask the results of a run: by groups, conditions, SQL; as Parquet.",
+    "coverage": "What campaigns cover together, and what is missing.",
     "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
     "history": "A file with a line a run, to which CI appends: rates over time.",

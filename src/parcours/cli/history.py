@@ -44,7 +44,7 @@ def command(
         shown = ((rate, one.rate(rate)) for rate in rates)
         cells = (f"{of.share:.2%} [{of.low:.2%}, {of.high:.2%}]" if of is not None else None for _, of in shown)
         rows.append((one.date, one.commit, f"{one.study} {one.label}", one.cases, *cells))
-    heads = [Column(name, ",d" if name == "cases" else "") for name in ("date", "commit", "run", "cases", *rates)]
+    heads = [Column("date"), Column("commit"), Column("run"), Column("cases", ",d"), *map(Column, rates)]
     print_rows("History", heads, rows, "Shares of the cases, Wilson 95 % intervals.")
     if html is not None:
         from parcours.report.page import to_html

@@ -15,7 +15,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,12 +176,25 @@ def check_conditions(conditions: Sequence[GateCondition], results: Results) -> l
     would pass most gates. A condition on `errors` decides instead, where one is given.
     """
     checked = [check_condition(condition, results) for condition in conditions]
-    n = sum(case.verdict is Verdict.ERROR for case in results.cases())
+    n = sum(verdict is Verdict.ERROR for verdict in verdicts_of(results)) if conditions else 0
     if conditions and n and all(condition.measure != "errors" for condition in conditions):
         first = next(case for case in results.cases() if case.verdict is Verdict.ERROR)
         why = f"{n} of {len(results.cases())} cases ended in an error, the first: {first.id}: {first.why}"
         checked.append(GateResult("errors > 0", True, f"{why}; allow some with --fail-if 'errors > 1%'"))
     return checked
+
+
+@runtime_checkable
+class Judged(Protocol):
+    """Results that know the verdicts of their cases without making up reasons."""
+
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return them in the order of `cases`."""
+
+
+def verdicts_of(results: Results) -> Sequence[Verdict]:
+    """Return the verdict of every case of results."""
+    return results.case_verdicts() if isinstance(results, Judged) else [case.verdict for case in results.cases()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,7 +319,7 @@ def exit_code(results: Iterable[Results]) -> int:
 
     A run without any case has passed nothing: 3.
     """
-    verdicts = {case.verdict for result in results for case in result.cases()}
+    verdicts = {verdict for result in results for verdict in verdicts_of(result)}
     if verdicts & {Verdict.FAIL, Verdict.ERROR}:
         return 1
     return 3 if Verdict.INCONCLUSIVE in verdicts or not verdicts else 0

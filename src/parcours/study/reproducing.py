@@ -108,8 +108,10 @@ def noted(folder: Path) -> Reproduction | None:
     """Return what was kept of these very results; None if nothing was, or of others."""
     try:
         document = json.loads((folder / FILE).read_bytes())
-        differing, changed = (tuple(map(str, document.pop(name))) for name in ("differing", "changed"))
-        found = Reproduction(**document, differing=differing, changed=changed)
+        found = Reproduction(
+            int(document["failing"]), int(document["equal"]), tuple(map(str, document["differing"])),
+            tuple(map(str, document["changed"])), str(document["campaign"]),
+        )  # fmt: skip
         return found if found.campaign == open_results(folder).campaign.digest else None
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, BadRequest, BadResults):
         return None

@@ -42,7 +42,7 @@ class TableColumn:
 class Tabled(Protocol):
     """Results that know more of their cases than verdicts and measures."""
 
-    def columns(self) -> Mapping[str, TableColumn]:
+    def table_columns(self) -> Mapping[str, TableColumn]:
         """Return columns by name, in the order of `measures`; `case` (ids) and `verdict` are among them."""
 
 
@@ -203,7 +203,7 @@ def table_of(results: Results) -> ResultTable:
     measures = results.measures()
     columns: dict[str, TableColumn] = {}
     if isinstance(results, Tabled):
-        columns |= results.columns()
+        columns |= results.table_columns()
     else:
         cases = list(results.cases())
         columns["case"] = TableColumn(lambda: np.array([one.id for one in cases]))
@@ -243,12 +243,11 @@ def input_columns(
         def value(k: int = k, words: tuple[str, ...] = domain.values, kind: str = domain.kind) -> NDArray[Any]:
             column = drawn()[:, k]
             if words:
-                named: NDArray[Any] = np.array(words)[column.astype(int)]
-                return named
+                return np.asarray(np.array(words)[column.astype(int)])
             return np.asarray(column, np.int64 if kind == "integer" else np.float64)
 
         def block(k: int = k, labels: NDArray[np.str_] = labels) -> NDArray[Any]:
-            return labels[inputs.domains[k].blocks_of(drawn()[:, k])]  # OUTSIDE is -1, the last
+            return np.asarray(labels[inputs.domains[k].blocks_of(drawn()[:, k])])  # OUTSIDE is -1, the last
 
         columns[name] = TableColumn(value, domain.unit)
         columns[f"{name}_block"] = TableColumn(block)

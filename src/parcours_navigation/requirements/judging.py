@@ -188,7 +188,8 @@ def finite_robustness(facts: Facts, requirements: Requirements) -> Values:
 
 def verdicts(facts: Facts, requirements: Requirements) -> list[Verdict]:
     """Return the verdict of each case."""
-    found = [VERDICT_OF[Outcome(int(code))] for code in outcomes(facts)]
+    of_code = {int(outcome): verdict for outcome, verdict in VERDICT_OF.items()}
+    found = [of_code[code] for code in outcomes(facts).tolist()]
     if not requirements:
         return found
     values = robustness(facts, requirements)

@@ -17,7 +17,7 @@ from parcours_navigation.study.campaigns import Campaign
 from parcours_navigation.study.distribution import Summary, measured, oracle, straight_ways, summarised, survived
 
 ASKED = 10_000
-"""The earliest conceivable arrival, which SCT needs, is asked for this many first cases only."""
+"""The earliest conceivable arrival, which SCT needs, and survivability are asked for this many first cases only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +76,11 @@ def analyse(campaigns: Mapping[str, Campaign]) -> dict[str, Ended]:
 
 def _analysed(campaign: Campaign) -> Ended:
     facts, cases, flags, asked = campaign.facts, campaign.cases, published(campaign.facts), campaign.requirements
-    earliest = np.full(len(facts), np.nan)
+    earliest, survival = np.full((2, len(facts)), np.nan)
     earliest[:ASKED] = oracle(cases, facts["number"][:ASKED])["earliest_outer"]
+    survival[:ASKED] = survived(cases, facts["number"][:ASKED])
     known = measured(
-        facts, facts["measures"], earliest=earliest, survival=survived(cases, facts["number"]),
+        facts, facts["measures"], earliest=earliest, survival=survival,
         straight=straight_ways(cases, facts["number"], facts["measures"]),
     )  # fmt: skip
     paper = {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")}

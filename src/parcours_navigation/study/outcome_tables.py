@@ -100,7 +100,9 @@ def outcome_figure(ended: Mapping[str, Ended]) -> Figure:
 
 def measure_table(ended: Mapping[str, Ended]) -> Table:
     """Return what was measured in campaigns, side by side."""
-    note = f"SCT over the first {ASKED} cases." if any(one.n > ASKED for one in ended.values()) else ""
+    note = (
+        f"SCT and survivability over the first {ASKED} cases." if any(one.n > ASKED for one in ended.values()) else ""
+    )
     return distribution_table("Measures", {name: one.measures for name, one in ended.items()}, note)
 
 

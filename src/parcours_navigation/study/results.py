@@ -12,9 +12,11 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
+from parcours.study.covering import Drawn
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.study.tabling import TableColumn, field_columns, input_columns
 from parcours.verdict.judgement import Verdict
+from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.facts import UNITS
 from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
@@ -51,6 +53,10 @@ class CampaignResults:
         """Return the verdict of every finished case."""
         return [dataclasses.replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return verdicts(self.found.facts, self.found.requirements)
+
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
         facts = self.found.facts
@@ -70,7 +76,7 @@ class CampaignResults:
             found[f"robustness({one.name})"] = Measure(values[:, k], "quantity", one.unit, "less")
         return found
 
-    def columns(self) -> Mapping[str, TableColumn]:
+    def table_columns(self) -> Mapping[str, TableColumn]:
         """Return what is known of the cases: ids, start vectors, outcomes, facts, test inputs and their blocks."""
         facts, cases = self.found.facts, self.found.cases
         numbers = facts["number"]
@@ -85,6 +91,19 @@ class CampaignResults:
         # of what `measures` calls by the same name, that is meant: its path_length is not the sum of the track's chords
         found |= field_columns(facts, UNITS | {one.name: one.unit for one in METRICS}, tuple(SHOWN))
         return found | input_columns(cases.inputs, lambda: cases.values(numbers), {*found, *SHOWN, *RATES, "failed"})
+
+    def drawn(self) -> Drawn:
+        """Return what the cases were made of: test inputs, start vectors; and their outcomes."""
+        cases, numbers = self.found.cases, self.found.facts["number"]
+        of = np.array([".".join(map(str, cases.vector(int(number)))) for number in numbers], str)
+        starts = tuple(dict.fromkeys(".".join(map(str, cases.vector(number))) for number in range(PUBLISHED_CASES)))
+        words = [one.name.lower() for one in Outcome]
+        classes = {"outcomes": (words, np.array(words)[outcomes(self.found.facts)])}
+        if starts != ("",):
+            return Drawn(
+                cases.inputs, cases.values(numbers), {"start vectors": (starts, of), **classes}, "start vectors"
+            )
+        return Drawn(cases.inputs, cases.values(numbers), classes)
 
     def replay(self, case: str) -> Page:
         """Return the replay of a case: a re-simulation that must give the same bits."""

@@ -101,6 +101,10 @@ class SampledCampaign(CampaignResults):
         ]
         return [*super().cases(), *again]
 
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return [*super().case_verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
+
     def reported(self, name: str) -> Reported:
         """Return the table of sampled cases; nothing without any."""
         rows = tuple((number, one["verdict"], one["why"]) for number, one in self._sampled.items())

@@ -16,6 +16,7 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
 from parcours.run.store import Campaign, open_results
 from parcours.study.campaign.running import facts_of
+from parcours.study.covering import Drawn
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.study.tabling import TableColumn, input_columns
@@ -65,7 +66,7 @@ class CampaignResults:
             found[fact.name] = Measure(values, kind, fact.unit, worse.get(fact.name, ""))
         return found
 
-    def columns(self) -> Mapping[str, TableColumn]:
+    def table_columns(self) -> Mapping[str, TableColumn]:
         """Return what is known of the cases: ids, verdicts, reasons, facts, test inputs and their blocks."""
         facts, study = self.facts, self.study
         found = {
@@ -83,6 +84,12 @@ class CampaignResults:
             found[fact.name] = TableColumn(known if facts["error"].any() else plain, fact.unit)
         drawn = functools.partial(_drawn, study, facts["number"], self.seed)
         return found | input_columns(study.inputs, drawn, found)
+
+    def drawn(self) -> Drawn:
+        """Return what the cases were made of, and their verdicts."""
+        seen = np.array([str(one.verdict) for one in self.outcomes], str)
+        values = _drawn(self.study, self.facts["number"], self.seed)
+        return Drawn(self.study.inputs, values, {"verdicts": ([str(one) for one in Verdict], seen)})
 
     def replay(self, case: str) -> Page:
         """Return a page on one case, simulated again: it must give the facts that were kept."""

@@ -1,0 +1,79 @@
+"""What campaigns have covered together, and what is missing: blocks of test data, pairs of them, classes of cases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.data import InputModel, cover, measure
+from parcours.errors import BadRequest
+from parcours.study.protocol import Results
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """What the cases of results were made of and what became of them."""
+
+    inputs: InputModel
+    values: NDArray[np.float64]  # shape (n_cases, n_inputs)
+    # name -> its classes, and that of each case, shape (n_cases,): start vectors, outcomes, verdicts
+    classes: Mapping[str, tuple[Sequence[str], NDArray[np.str_]]]
+    crossed: str = ""  # of these classes that of which each is to meet every block; none if empty
+
+
+@runtime_checkable
+class Covering(Protocol):
+    """Results that know what their cases were made of."""
+
+    def drawn(self) -> Drawn:
+        """Return it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """One thing to cover."""
+
+    name: str
+    wanted: int
+    held: int
+    missing: tuple[str, ...]  # the first of what is missing, in words
+
+
+def coverage(results: Mapping[str, Results]) -> list[Goal]:
+    """Return what the cases of several results, by folder, cover together.
+
+    Raises BadRequest: some know nothing of their inputs, or they are of different inputs.
+    """
+    found = {}
+    for folder, one in results.items():
+        if not isinstance(one, Covering):
+            rule = "it is of campaigns, whose test data have blocks, but these results are of another kind"
+            raise BadRequest(folder, rule, "see `parcours run` of component studies for theirs", slug="coverage-kind")
+        found[folder] = one.drawn()
+    first, *others = found.values()
+    if any(other.inputs != first.inputs or other.classes.keys() != first.classes.keys() for other in others):
+        rule = "folders must be of the same test inputs, but these are not"
+        raise BadRequest(" and ".join(found), rule, "ask of each by itself", slug="coverage-kind")
+    every = list(found.values())
+    values = np.concatenate([one.values for one in every])
+    goals = []
+    if first.inputs.domains:
+        blocks = cover(first.inputs, values)
+        goals.append(Goal("blocks, each", blocks.n_blocks, blocks.n_hit, blocks.uncovered))
+    if len(first.inputs.domains) > 1:
+        pairs = measure(values, first.inputs, 2)
+        goals.append(Goal("blocks, pairs", pairs.n_wanted, pairs.n_held, pairs.missing))
+    for name, (words, _) in first.classes.items():
+        seen = np.concatenate([one.classes[name][1] for one in every])
+        absent = tuple(word for word in words if word not in set(seen.tolist()))
+        goals.append(Goal(f"{name}, each", len(words), len(words) - len(absent), absent))
+        if name == first.crossed and first.inputs.domains:
+            parts = {word: cover(first.inputs, values[seen == word]) for word in words}
+            missing = tuple(f"{word}: {block}" for word, part in parts.items() for block in part.uncovered)
+            wanted = sum(part.n_blocks for part in parts.values())
+            goals.append(Goal(f"{name} x blocks", wanted, wanted - len(missing), missing))
+    return goals
