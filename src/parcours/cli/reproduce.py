@@ -20,7 +20,7 @@ def command(folder: Path, workers: int, study: str, as_json: bool) -> None:
     Says how many give the same facts, equal to the byte, and notes it in the folder, for `parcours report`. Exit
     code 0 if all do, 1 if some do not.
 
-    Example: parcours reproduce out/night
+    Example: parcours reproduce out/now
     """
     from dataclasses import asdict
 

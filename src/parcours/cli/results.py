@@ -30,11 +30,11 @@ def command(
 ) -> None:  # fmt: skip
     """Ask the results in FOLDER: rates by start vector, block, planner or any other column, or SQL over all cases.
 
-    Example: parcours results out/night --by start
+    Example: parcours results out/now --by start
 
-    Example: parcours results out/night --sql "SELECT outcome, count(*), avg(travelled) FROM results GROUP BY ALL"
+    Example: parcours results out/now --sql "SELECT outcome, count(*), avg(travelled) FROM results GROUP BY ALL"
 
-    Example: parcours results out/night --where "verdict == fail" --parquet failures.parquet
+    Example: parcours results out/now --where "verdict == fail" --parquet failures.parquet
     """
     from parcours.study.tabling import read_table
 

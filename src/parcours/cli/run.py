@@ -82,7 +82,7 @@ def command() -> None:
 
     Example: parcours run examples/lift --out out/lift
 
-    Example: parcours run ramp_system --until "stuck +- 0.5%" --max-time 3600 --out out/stuck
+    Example: parcours run examples/parking --until "failed +- 2%" --max-time 3600 --out out/parking
 
     Example: parcours run examples/lift --cases 905 --out out/lift --fail-if "failed > 1%" --baseline out/lift-last-week
     """
