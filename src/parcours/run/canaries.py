@@ -87,9 +87,9 @@ class Canaries:
         self._threads = threading.active_count()
         if not _rounds():
             _reset_rounding()
-        gc.collect()
         if not gc.get_freeze_count():
-            gc.freeze()  # a collection after each case takes no time then
+            gc.freeze()  # what came from the parent is never looked through: a collection takes no time then
+        gc.collect()
 
     def after_case(self, *, failed: bool) -> str:
         """Put back what can be, and return what else was changed, in words; "" if nothing was.
