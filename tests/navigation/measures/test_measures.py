@@ -228,17 +228,17 @@ def test_a_corner_has_the_curvature_that_the_spacing_gives_it() -> None:
 
 
 @kernel
-def _measure_each(runs: Record, buffer: Record, places: Record, radii: Record, n: int) -> None:
+def _measure_each(runs: Record, buffer: Record, places: Record, radii: Record, gaps: Record, n: int) -> None:
     """Measure the first n entries of a working buffer into the nested record of every run."""
     for k in range(len(runs)):
-        measure(buffer[:n], places[:n], radii, 0.125, 2.0, 0.0, 0.2, NEVER, 0.1, np.zeros(0), runs[k].measures)
+        measure(buffer[:n], places[:n], radii, 0.125, 2.0, 0.0, 0.2, NEVER, 0.1, gaps, runs[k].measures)
 
 
 def test_a_kernel_fills_the_same_bits_from_a_working_buffer_into_a_nested_record() -> None:
     track = drive(4.0, x=lambda t: 0.5 * t, v=lambda t: 0.5 + 0 * t, heading=np.sin)
     places = np.tile([1.0, 0.4], (len(track), 1, 1))
     runs = np.zeros(2, np.dtype([("number", "i8"), ("measures", MEASURES)]))
-    _measure_each(runs, track, places, np.array([0.1]), 41)
+    _measure_each(runs, track, places, np.array([0.1]), np.zeros(0), 41)
     alike = measures_of(track[:41], places[:41], [0.1], robot_radius=0.125, goal=(2.0, 0.0))
     assert runs["measures"][0].tobytes() == runs["measures"][1].tobytes() == alike.tobytes()
 
