@@ -3,6 +3,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PYTEST := $(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
+# First and by themselves: they fork workers by the hundred, which is quick in processes that have loaded little.
+GUESTS := tests/navigation/guests tests/study/test_campaign_study.py
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .PHONY: demo test test-ros1 test-ros2 docs format lint types contracts tests fuzz bench clean
@@ -24,7 +27,8 @@ contracts: $(VENV)/.developer
 
 tests: $(VENV)/.developer
 	$(BIN)/parcours compile --workers 2
-	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
+	$(PYTEST) $(GUESTS)
+	$(PYTEST) $(addprefix --ignore=,$(GUESTS))
 
 test-ros1: $(VENV)/.developer
 	.ci/ros1
