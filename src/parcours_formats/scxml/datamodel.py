@@ -219,7 +219,7 @@ class ChartParser(syntax.Parser):
 
     >>> from parcours_formats.guard_languages import Tokens
     >>> ChartParser(Tokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().arguments[:2]
-    (Name(id='a'), Literal(value=1))
+    (Name(id='a'), Literal(value=1, unit=''))
     """
 
     def operand(self) -> Expression:

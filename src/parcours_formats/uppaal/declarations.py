@@ -23,7 +23,7 @@ def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
 
     >>> [n, go] = parse_declarations("const int N = 6;\\nurgent chan go[N];", "gate.xml", 4)
     >>> n.name, n.initial, go.line, sorted(go.type.prefixes), go.lengths
-    ('N', Literal(value=6), 5, ['urgent'], (Name(id='N'),))
+    ('N', Literal(value=6, unit=''), 5, ['urgent'], (Name(id='N'),))
     """
     return DeclarationReader(Tokens(text, "uppaal", origin, line)).all()
 

@@ -51,7 +51,7 @@ def test_the_papers_results_stand_first_only_where_every_planner_signals() -> No
 def test_unfinished_cases_and_a_capped_score_are_said() -> None:
     (cases,) = [row[1] for row in outcome_table({"a": ended(signals=True, planned=9)}).rows if row[0] == "cases"]
     assert cases == Marked("4 of 9, unfinished", "poor")
-    assert "SCT over the first" in measure_table({"a": ended(signals=True, n=ASKED + 1)}).note
+    assert "SCT and survivability over the first" in measure_table({"a": ended(signals=True, n=ASKED + 1)}).note
     assert "SCT over the first" not in measure_table({"a": ended(signals=True)}).note
 
 
