@@ -62,6 +62,7 @@ $(VENV)/.runtime: pyproject.toml constraints.txt
 
 $(VENV)/.developer: $(VENV)/.runtime
 	$(PIP) --editable '.[dev]'
+	$(PIP) --no-deps pyrvo
 	touch $@
 
 $(VENV)/.docs: $(VENV)/.runtime

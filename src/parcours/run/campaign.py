@@ -19,6 +19,7 @@ from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.run.atomic import sweep
 from parcours.run.heartbeat import RunsStrangers
 from parcours.run.keeping import Keeping
+from parcours.run.limiting import limited
 from parcours.run.raised import described
 from parcours.run.stops import STOP, Stop, read_stop
 from parcours.run.store import Campaign, Rows, Store, create
@@ -122,7 +123,7 @@ def run_campaign(
 
     try:
         with (
-            terminable(), _limited(max_time if missing else None),
+            terminable(), limited(max_time if missing else None, _TimeIsOver),
             contextlib.closing(_done(function, task, missing, workers, name)) as done,
         ):  # fmt: skip
             for shard in done:
@@ -189,25 +190,6 @@ class _InOrder:
 
 class _TimeIsOver(KeyboardInterrupt):
     """A campaign has taken the time that it was given."""
-
-
-@contextlib.contextmanager
-def _limited(seconds: float | None) -> Iterator[None]:
-    """End the block with _TimeIsOver after so much time [s of wall clock]."""
-    if seconds is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def over(number: int, frame: object) -> None:
-        raise _TimeIsOver
-
-    before = signal.signal(signal.SIGALRM, over)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
-import signal
-import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
 from parcours.run import canaries as canaries
+from parcours.run.limiting import limited
 from parcours.run.raised import is_ctrl_c
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours_navigation.checking import batches, conduct, form, geometry, memory
@@ -103,7 +102,7 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Remark]:
     sink = io.StringIO()
     findings: list[Remark] = []
     try:
-        with _limited(patience), contextlib.redirect_stdout(sink), contextlib.redirect_stderr(sink):
+        with limited(patience, OutOfPatience), contextlib.redirect_stdout(sink), contextlib.redirect_stderr(sink):
             findings.extend(check(subject))
     except OutOfPatience:
         remedy = "make decisions faster, or look for an endless loop"
@@ -116,25 +115,6 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Remark]:
             raise
         findings.append(error("planner-raises", form.where_raised(raised), "make it answer, whatever it sees"))
     return findings
-
-
-@contextlib.contextmanager
-def _limited(seconds: float) -> Generator[None, None, None]:
-    """Give up what takes longer, where the system can."""
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield
-        return
-
-    def give_up(*_: object) -> None:
-        raise OutOfPatience
-
-    before = signal.signal(signal.SIGALRM, give_up)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 _GRACE = 60.0

@@ -50,12 +50,12 @@ def test_the_kernel_agrees_with_rtamt() -> None:
     assert compared == 400 and unbounded < 200
 
 
-@pytest.mark.parametrize("last", [0, 1, 2, 7, 31, 32, 33, 99, 100, 101, 250])
-@pytest.mark.parametrize("first", [0, 1, 5, 40])
+@pytest.mark.parametrize(
+    ("first", "last"),
+    [(a, b) for a in (0, 1, 5, 40) for b in (0, 1, 2, 7, 31, 32, 33, 99, 100, 101, 250) if a <= b],
+)
 @pytest.mark.parametrize("n", [1, 2, 33, 100])
 def test_windows_of_any_length_take_the_least_of_what_is_there(first: int, last: int, n: int) -> None:
-    if last < first:
-        pytest.skip("no interval")
     values = np.random.default_rng(n).normal(size=n)
     period = 0.05
     text = f"always (a > 0.3 -> eventually[{first * period:g}, {last * period:g}] a < 0)"
