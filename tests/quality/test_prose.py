@@ -32,6 +32,7 @@ BETTER = {
     "by default": "if nothing is said",
     "reported, given, described": "is said/are said",
     "its content": "what is there",
+    "one per run": "a line a run/line a case/row a case",
     "one per line": "one a line/id a line/object a line/step a line/visit a line/entry a line",
     "one per case": "one a case/value a case/test a case/item a case/instance a case/outcome a case",
     "one per file": "subcommand a file/graph a file/kernel a file",

@@ -112,7 +112,9 @@ def in_order(id: str, events: Sequence[Event], name: str, seed: int) -> tuple[Ev
     sequence = _named(_order(tuple(events)), name, seed)
     if sequence is None:
         rule = f"an order of a case is called by its number, draw.K or pctD.K, but it has none called {name[:40]!r}"
-        raise BadRequest(f"abstract case {id}", rule, "see `parcours suite` with --orders", slug="order-unknown")
+        raise BadRequest(
+            f"abstract case {id}", rule, "take it from the results of a run with --orders", slug="order-unknown"
+        )
     numbered = _events_of(tuple(events))
     place = {numbered[number]: new for new, number in enumerate(sequence)}
     made = []

@@ -37,7 +37,7 @@ COMMANDS = {
     "coverage": "What campaigns cover together, and what is missing.",
     "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
-    "history": "A file with a line a run, to which CI appends: rates over time.",
+    "history": "A file with one line per run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "compile": "Compile all kernels now, on all processors.",
 }

@@ -1,4 +1,4 @@
-"""`parcours history`: a file with a line a run, to which CI appends; rates over time."""
+"""`parcours history`: a file with one line per run, to which CI appends; rates over time."""
 
 from __future__ import annotations
 

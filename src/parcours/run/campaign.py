@@ -35,7 +35,7 @@ Progress = Callable[[int, int], None]
 """Called with (cases finished, cases in all) at the start and after every shard."""
 
 Enough = Callable[[Rows], str]
-"""Called with the rows of every shard, in the order of shards; says why these are enough, nothing if they are not."""
+"""Gets the rows of every shard, in the order of shards; returns why these are enough, "" if they are not."""
 
 
 @runtime_checkable

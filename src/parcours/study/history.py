@@ -1,4 +1,4 @@
-"""Keeps a history: a file with a line a run, as JSON, to which CI appends; and reads it back."""
+"""Keeps a history: a JSON Lines file with one line per run, to which CI appends; and reads it back."""
 
 from __future__ import annotations
 

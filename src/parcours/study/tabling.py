@@ -1,4 +1,4 @@
-"""The finished cases of a run as a table: a row a case, columns with units, made when they are asked for.
+"""The finished cases of a run as a table: one row per case; columns have units and are made when they are asked for.
 
 Filtered by a condition, summed up by groups, and handed to other tools as Arrow, Parquet or CSV, or to SQL.
 """
@@ -148,7 +148,7 @@ class ResultTable:
             raise unwritable(path, error) from error
 
     def write_csv(self, path: Path) -> None:
-        """Write it as CSV: the names of the columns, then a line a case. Raises BadRequest: no place to write."""
+        """Write it as CSV: the names of the columns, then one line per case. Raises BadRequest: no place to write."""
         lists = [self[name].tolist() for name in self.columns]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -31,9 +31,9 @@ PATIENCE = 4_000_000_000
 
 UNSEEN = "not visible: assumed"
 _REST = 50_000_000
-"""How long a node that answers nothing is given to take a message, where it never rests [ns]."""
+"""Longest wait for a node that sends nothing back and never rests [ns]."""
 _GLANCE = 200_000
-"""How often it is looked whether it rests [ns]."""
+"""Interval between two looks at whether it rests [ns]."""
 _SETTLE = 200_000_000
 """How long the background runs before the case begins to move [ns]."""
 
