@@ -49,7 +49,7 @@ from parcours_navigation.stage.memory import (
     size_of,
 )
 from parcours_navigation.stage.moving import GO_ON, NEXT_GOAL, NOT_FINITE, follow, hold
-from parcours_navigation.stage.ticking import begin_any, move_any
+from parcours_navigation.stage.ticking import begin_any, ground_gap, move_any
 
 Floats = NDArray[np.float64]
 Orders = tuple[float, float, Floats | None]
@@ -216,7 +216,9 @@ class Host:
         else:
             begin_any(memory)
             move_any(memory, 0, 0.0, 0.0, 0.0, _NO_POINTS, True)
+            ground_gap(memory)
         moving.present(memory, np.zeros(ROW + 2 * len(scene.obstacles)))
+        moving.freeze(memory, facts[0])  # by itself where a planner fails: it may have left no file to load it from
         conclude(memory[np.newaxis], [staged], None, facts)
         sum_up_later(memory[np.newaxis], _FIRST, facts)
         memory[: len(kept)] = kept

@@ -18,6 +18,7 @@ from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.protocol import HEADING, SPEED, Answer, Command, Limits, Observation, Task, Trajectory, X, Y
+from parcours_navigation.stage import moving
 from parcours_navigation.stage.tracking import reference
 from parcours_navigation.study.study import NavigationStudy, study_of
 
@@ -62,6 +63,24 @@ def test_a_planner_is_asked_every_period_from_the_begin_to_before_the_end() -> N
     assert np.allclose(notes.times, np.arange(84) * 0.25)
     assert facts["n_planning_cycles"] == 84
     assert facts["t_end"] == 21_000_000_000
+
+
+def test_a_planner_that_fails_at_once_finds_every_kernel_of_its_case_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    freeze = moving.freeze
+
+    def noted(memory: np.ndarray, facts: np.void) -> None:
+        done.append("kernel")
+        freeze(memory, facts)
+
+    monkeypatch.setattr(moving, "freeze", noted)
+
+    def fails(observation: Observation) -> Answer:
+        done.append("planner")
+        raise OSError("no file can be opened any more")
+
+    assert run(fails)["reason"].startswith(b"raised: OSError")
+    assert done == ["kernel", "planner", "kernel"]
 
 
 def test_a_period_that_does_not_divide_the_case_ends_with_it() -> None:
