@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from parcours.errors import HostFailure
+from parcours.filenames import file_name
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.readings import message_type
@@ -163,6 +164,10 @@ class StackNodes:
     def processes(self) -> list[int]:
         """The ids of the processes that were started."""
         return [process.pid for _, process in self._session.host.running.values()]
+
+    def output(self, name: str) -> str:
+        """Return what a node has printed so far."""
+        return (self._session.host.folder / f"{file_name(name)}.log").read_text(encoding="utf-8", errors="replace")
 
     def begin(self) -> None:
         """Begin a case: time starts again, the binding's steps are done, and earlier messages are dropped."""
