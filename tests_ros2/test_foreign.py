@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -141,8 +142,12 @@ def test_parameters_steps_timing_and_faults(nodes: Path, tmp_path: Path) -> None
     assert filtering.passed, filtering.why
 
 
-def complaint(nodes: Path, out: Path) -> ParcoursError:
+def complaint(nodes: Path, out: Path, known: str = "") -> ParcoursError:
+    """Return what a session says when it is started, once a node is `known` that was there before."""
     with pytest.raises(ParcoursError) as caught, ForeignHost(read_binding(nodes / "binding.yaml"), out) as host:
+        until = time.monotonic() + 30.0
+        while known and not host.graph.answers(known) and time.monotonic() < until:
+            host.graph.spin(time.perf_counter_ns() + 20_000_000)
         session = Session(host, whole(host.binding))
         try:
             session.start()
@@ -185,7 +190,7 @@ def test_what_is_wrong_is_said_with_both_sides(nodes: Path, tmp_path: Path, wron
 def test_two_nodes_of_one_name_are_named(nodes: Path, tmp_path: Path) -> None:
     other = subprocess.Popen([sys.executable, str(nodes / "avoider.py")])
     try:
-        error = complaint(nodes, tmp_path)
+        error = complaint(nodes, tmp_path, "/avoider")
         assert (error.slug, "two nodes on the graph are called /avoider" in str(error)) == ("node-twice", True)
     finally:
         other.kill()
