@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from parcours.errors import BadResults
 from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
 from parcours.run.workers import can_fork
+from parcours.study.journal import discard
 from parcours_ramp.system.study import system_study
 
 STUDY = """
@@ -101,7 +103,7 @@ def test_prepared_workers_do_not_outlive_a_killed_parent_and_their_shards_are_ke
     assert len(store.load(partial=True)) == 10 * kept
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_campaign_of_prepared_workers_is_interrupted_in_order(
     script: Path, tmp_path: Path, how: signal.Signals
 ) -> None:
@@ -111,6 +113,34 @@ def test_a_campaign_of_prepared_workers_is_interrupted_in_order(
     assert process.returncode == 0 and said.startswith("interrupted: ")
     assert not alive(process.pid)
     assert not [file for file in (tmp_path / "c").iterdir() if file.name.startswith(".")]
+
+
+def test_a_second_run_on_a_folder_is_refused_by_name_and_a_killed_one_leaves_it_free(
+    script: Path, tmp_path: Path
+) -> None:
+    toy = importlib.import_module(script.stem)
+    process = begin(script, tmp_path / "c")
+    try:
+        with pytest.raises(BadResults, match=f"but process {process.pid} does") as refused:
+            run_campaign(toy.Study(True), toy.CAMPAIGN, tmp_path / "c")
+        assert refused.value.slug == "results-busy"
+        with pytest.raises(BadResults, match="results-busy"):
+            discard(tmp_path / "c", ("*",))
+    finally:
+        os.kill(process.pid, signal.SIGKILL)  # its workers may live a moment longer, without the lock
+        process.wait()
+    assert run_campaign(toy.Study(True), toy.CAMPAIGN, tmp_path / "c").finished == 60
+
+
+def test_a_hangup_that_is_ignored_as_under_nohup_ends_nothing(script: Path, tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = begin(script, tmp_path / "c")  # a child ignores what its parent does
+        os.killpg(process.pid, signal.SIGHUP)
+        said = process.communicate(timeout=60)[0]
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert process.returncode == 0 and said.startswith("all 60 cases")
 
 
 def test_system_cases_have_the_same_bits_in_any_number_of_workers(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from typing import Protocol, runtime_checkable
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.run.atomic import sweep
+from parcours.run.claiming import claimed
 from parcours.run.heartbeat import RunsStrangers
 from parcours.run.keeping import Keeping
 from parcours.run.limiting import limited
@@ -74,7 +75,8 @@ def run_campaign(
     simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
     enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None,
 ) -> Outcome:  # fmt: skip
-    """Compute what is missing of a campaign, and return how far it came. Ctrl-C or SIGTERM ends it early.
+    """Compute what is missing of a campaign, and return how far it came. Ctrl-C, SIGTERM or
+    SIGHUP ends it early.
 
     A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own,
     and a case in which it hangs or takes its process down costs that case only.
@@ -95,7 +97,7 @@ def run_campaign(
     Raises:
         BadRequest: a count is out of range, `simulate` cannot be found or sent, or the folder cannot be
             written to.
-        BadResults: the folder holds something else, or damaged shards.
+        BadResults: the folder holds something else, or damaged shards, or another run is writing there.
         HostFailure: `simulate` raised or gave results of the wrong form, or a worker died twice on a shard.
 
     >>> import numpy as np, tempfile
@@ -110,6 +112,15 @@ def run_campaign(
         raise BadRequest("workers", f"at least one is needed, but {workers} were asked for", slug="count-range")
     function = resolve(simulate) if isinstance(simulate, str) else simulate
     store = create(folder, campaign)
+    with claimed(folder):
+        return _completed(store, function, simulate, workers, progress, enough, rules, max_time)
+
+
+def _completed(
+    store: Store, function: Simulate, simulate: Simulate | str, workers: int, progress: Progress | None,
+    enough: Enough | None, rules: Sequence[str], max_time: float | None,
+) -> Outcome:  # fmt: skip
+    campaign, folder = store.campaign, store.folder
     order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, tuple(rules)))
     missing = () if order.is_enough() else store.missing()
     finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
@@ -280,7 +291,7 @@ def run_tasks(
 
 @contextlib.contextmanager
 def terminable() -> Iterator[None]:
-    """Let SIGTERM end the block as Ctrl-C does."""
+    """Let SIGTERM end the block as Ctrl-C does; SIGHUP also, unless it is ignored, as under `nohup`."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -288,8 +299,11 @@ def terminable() -> Iterator[None]:
     def stop(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, stop)}
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        before[signal.SIGHUP] = signal.signal(signal.SIGHUP, stop)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from parcours.errors import BadResults
 from parcours.run.atomic import require_writable, unwritable, write_atomically
+from parcours.run.claiming import claimed
 from parcours.run.store import differences
 
 RUN = "run.json"
@@ -65,21 +66,24 @@ def read_question(folder: Path) -> dict[str, object]:
 class Journal:
     """The finished cases of a run, by key; more are added while it is open.
 
-    Raises BadResults: a line within the file is damaged.
+    Raises BadResults: a line within the file is damaged, or another run writes in the folder.
     """
 
     def __init__(self, folder: Path) -> None:
+        self._closing = contextlib.ExitStack()
+        self._closing.enter_context(claimed(folder))
         self._path = folder / CASES
         self.done: dict[str, dict[str, object]] = {}
         whole = 0
-        for key, entry, end in _entries(self._path):
-            self.done[key] = entry
-            whole = end
         try:
-            self._file = self._path.open("ab")
+            for key, entry, end in _entries(self._path):
+                self.done[key] = entry
+                whole = end
+            self._file = self._closing.enter_context(self._path.open("ab"))
             self._file.truncate(whole)
-        except OSError as error:
-            raise unwritable(folder, error) from error
+        except BaseException as error:
+            self._closing.close()
+            raise (unwritable(folder, error) if isinstance(error, OSError) else error) from error
 
     def add(self, key: str, entry: Mapping[str, object]) -> None:
         """Keep the result of a case: it is on the disk when this returns."""
@@ -92,7 +96,7 @@ class Journal:
 
     def close(self) -> None:
         """Close the file; again: do nothing."""
-        self._file.close()
+        self._closing.close()
 
     def __enter__(self) -> Journal:
         return self
@@ -127,10 +131,17 @@ def _entries(path: Path) -> Iterator[tuple[str, dict[str, object], int]]:
 
 
 def discard(folder: Path, known: tuple[str, ...]) -> None:
-    """Remove what an earlier run of a study left in a folder: what `known` patterns match, and nothing else."""
+    """Remove what an earlier run of a study left in a folder: what `known` patterns match, and nothing else.
+
+    Raises:
+        BadRequest: the folder cannot be written to.
+        BadResults: another run is writing there.
+    """
+    if not folder.is_dir():
+        return
     try:
-        for pattern in known:
-            for path in sorted(folder.glob(pattern)):
+        with claimed(folder):
+            for path in (path for pattern in known for path in sorted(folder.glob(pattern))):
                 if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path)
                 else:
