@@ -278,6 +278,13 @@ def test_a_chain_is_linked_and_its_steps_are_named(binding: Binding) -> None:
         parse_binding(EXAMPLE.read_text().replace("through: [obstacles_near]", "through: [obstacles]"), str(EXAMPLE))
 
 
+def test_nodes_that_are_led_by_a_clock_have_no_timing() -> None:
+    stack = EXAMPLE.parents[1] / "ros2_navigation" / "dwa.yaml"
+    timing = "\ntiming: {reaction: {from: scan, to: command, bound: every < 1 s}}\n"
+    with pytest.raises(BadRequest, match=r"led by /clock.*clock-domains"):
+        parse_binding(stack.read_text() + timing, str(stack))
+
+
 def test_a_chain_that_was_timed_is_kept_and_drawn(binding: Binding, tmp_path: Path) -> None:
     reaction = spans(binding)[-1]
     rows = [(k * MS, MS, 2 * MS) for k in range(1, 40)]
