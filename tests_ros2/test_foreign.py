@@ -131,15 +131,21 @@ def test_parameters_steps_timing_and_faults(nodes: Path, tmp_path: Path) -> None
     edit(binding, ("  /follower/stop_distance: 0.5\n", "  /follower/stop_distance: 0.5\n  /avoider/margin: 0.25\n"))
     edit(binding, ('filtering: {from: detections, to: obstacles, bound: "p99 < 10 ms over 200 repeats"}',
                    'filtering: {from: detections, to: obstacles, bound: "p50 < 10 s over 10 repeats"}'),
+         ('"p95 < 100 ms over 200 repeats"', '"p50 < 10 s over 10 repeats"'),
          ("warm_up: 20", "warm_up: 2"))  # fmt: skip
     binding.write_text(binding.read_text() + STEPS)
     with ForeignHost(read_binding(binding), tmp_path / "nodes") as host:
         order = Order(str(binding), str(tmp_path), system=(0,), protocol="empty", repeats=10,
                       faults="Planner: crash at 1 s")  # fmt: skip
-        results = {one.id: one.judged.judgement for one in ForeignStudy(host, order).run()}
+        ran = list(ForeignStudy(host, order).run())
+    results = {one.id: one.judged.judgement for one in ran}
     assert "Planner (killed by SIGKILL" in results["system/0"].why
     filtering = next(one for id, one in results.items() if id.startswith("timing/filtering"))
     assert filtering.passed, filtering.why
+    reaction = next(one for one in ran if one.id.startswith("timing/reaction"))
+    assert reaction.judged.judgement.passed, reaction.judged.judgement.why
+    assert reaction.chain and reaction.timing and reaction.chain.totals == reaction.timing.durations
+    assert reaction.chain.steps == ("ObstacleFilter", "on obstacles_near", "Follower")
 
 
 def complaint(nodes: Path, out: Path, known: str = "") -> ParcoursError:

@@ -14,6 +14,7 @@ from parcours.run.hosts.battery import Counting, Sink, Source, Taken
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Send, Step
 from parcours.run.trace import durations, transitions
+from parcours.verdict.timing import chain
 
 
 class Scripted:
@@ -82,6 +83,8 @@ def test_a_transition_is_taken_and_its_messages_leave_when_its_execution_time_is
     ]  # fmt: skip
     assert durations(host.trace(), "q1", "q2") == (100, 100)
     assert host.trace().clock == "simulated"
+    rounds = chain("round", host.trace(), ("ball", "back", "ball"))
+    assert (rounds.clock, rounds.steps, rounds.rows) == ("simulated", ("Pong", "on back", "Ping"), ((110, 0, 0),))
 
 
 @given(seed=st.integers(0, 2**32), spread=st.integers(1, 1000))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from message_classes import defined_types
-from parcours.errors import HostFailure
+from parcours.errors import BadRequest, HostFailure
 from parcours.run.binding import Binding, Graph, compile_binding, graph_findings, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.graph import Quality
@@ -20,11 +21,15 @@ from parcours.run.binding.structure import Bound
 from parcours.run.faults.text import parse_plan
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
+from parcours.study.journal import Journal
+from parcours.verdict.timing import NEVER as TIMED_OUT
 from parcours_navigation.facts import NEVER
 from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
 from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
+from parcours_navigation.foreign.judging import Judged
 from parcours_navigation.foreign.quiescence import proposals, silences
-from parcours_navigation.foreign.timing import durations, spans
+from parcours_navigation.foreign.results import Result, RosResults, tables, waterfalls
+from parcours_navigation.foreign.timing import durations, spans, steps, timed
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python" / "binding.yaml"
@@ -257,13 +262,41 @@ def test_how_often_the_world_is_asked_changes_nothing(binding: Binding) -> None:
 def test_spans_run_from_the_first_hop_to_the_last(binding: Binding) -> None:
     assert [(span.name, span.begin, span.end) for span in spans(binding)] == [
         ("plan", "plan_request", "plan_response"), ("sense_to_motion", "detections", "obstacles_near"),
-        ("filtering", "detections", "obstacles"),
+        ("filtering", "detections", "obstacles"), ("reaction", "detections", "command"),
     ]  # fmt: skip
 
 
 def test_a_period_is_a_span_from_a_channel_to_itself() -> None:
     events = [TraceEvent(time, kind, channel="a") for time in (0, 30, 70) for kind in ("send", "receive")]
-    assert durations(events, Bound("period", (), "a", "a")) == [30, 40]
+    assert durations(events, Bound("period", (), "a", "a")) == [(30,), (40,)]
+
+
+def test_a_chain_is_linked_and_its_steps_are_named(binding: Binding) -> None:
+    reaction = spans(binding)[-1]
+    assert steps(binding, reaction) == ("ObstacleFilter", "on obstacles_near", "Follower")
+    with pytest.raises(BadRequest, match=r"'obstacles' goes to Planner, and 'command' comes from Follower.*\[binding"):
+        parse_binding(EXAMPLE.read_text().replace("through: [obstacles_near]", "through: [obstacles]"), str(EXAMPLE))
+
+
+def test_nodes_that_are_led_by_a_clock_have_no_timing() -> None:
+    stack = EXAMPLE.parents[1] / "ros2_navigation" / "dwa.yaml"
+    timing = "\ntiming: {reaction: {from: scan, to: command, bound: every < 1 s}}\n"
+    with pytest.raises(BadRequest, match=r"led by /clock.*clock-domains"):
+        parse_binding(stack.read_text() + timing, str(stack))
+
+
+def test_a_chain_that_was_timed_is_kept_and_drawn(binding: Binding, tmp_path: Path) -> None:
+    reaction = spans(binding)[-1]
+    rows = [(k * MS, MS, 2 * MS) for k in range(1, 40)]
+    [(case, made)] = timed(reaction, [*rows, (TIMED_OUT,)], 9, None, steps(binding, reaction))
+    assert (len(case.durations), len(made.rows) if made else 0) == (31, 30)
+    result = Result("timing/reaction/x", "timing", Judged(case.judgement), 1.0, timing=case, chain=made)
+    with Journal(tmp_path) as journal:
+        journal.add(result.id, json.loads(json.dumps(result.entry())))
+    kept = RosResults("small", tmp_path, 1, "ros1")
+    assert kept.found[0].chain == made
+    assert "ObstacleFilter" in waterfalls(kept.found)[0].svg
+    assert tables(kept.found)[-1].title == "Shares of reaction"
 
 
 def test_abstract_cases_are_found_by_their_ids(binding: Binding) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from parcours.abtc import MARK, parse_orders
 from parcours.errors import BadRequest, BadResults, BadSuite, ParcoursError, one_of
+from parcours.report.pieces import Piece, Table
 from parcours.run.atomic import require_writable, write_atomically
 from parcours.run.binding import Binding, compile_binding
 from parcours.run.campaign import terminable
@@ -34,7 +35,7 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.foreign.abstract import PATIENCE
 from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes, in_orders
 from parcours_navigation.foreign.isolation import Order, run_apart
-from parcours_navigation.foreign.results import RosResults, tables
+from parcours_navigation.foreign.results import RosResults, tables, waterfalls
 from parcours_navigation.foreign.timing import spans
 
 if TYPE_CHECKING:
@@ -156,14 +157,21 @@ class RosStudy:
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on results of foreign nodes."""
-        found = []
+        found: list[Table] = []
+        drawn: list[tuple[str, RosResults]] = []
         documents: dict[str, object] = {}
         for folder, one in results.items():
             assert isinstance(one, RosResults)
             label = f"{one.study}, {folder}" if len(results) > 1 else one.study
             found += [dataclasses.replace(table, title=f"{table.title}: {label}") for table in tables(one.found)]
+            drawn.append((label, one))
             documents[folder] = one.entries
-        return Reported(found, lambda: found, documents)
+
+        def pieces() -> list[Piece]:
+            figures = [(label, figure) for label, one in drawn for figure in waterfalls(one.found)]
+            return [*found, *(dataclasses.replace(one, title=f"{one.title}: {label}") for label, one in figures)]
+
+        return Reported(found, pieces, documents)
 
     def judge(self, case: Case, settings: Settings) -> Judged:
         """Run one case again on the nodes and judge it.
@@ -297,7 +305,7 @@ class RosStudy:
         if not left and is_timed:
             return
         settings = {**request.settings, "repeats": 0 if is_timed else request.settings["repeats"]}
-        passive: dict[str, list[int]] = {}
+        passive: dict[str, list[list[int]]] = {}
         for entry in journal.done.values():
             for name, times in entry.get("passive", {}).items():  # type: ignore[attr-defined]
                 passive.setdefault(name, []).extend(times)

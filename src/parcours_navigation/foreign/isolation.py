@@ -20,7 +20,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -47,7 +47,7 @@ class Order:
         repeats: of each span; 0 for no timing.
         abstract: ids of abstract cases.
         system: numbers of system cases.
-        passive: name of a span -> its durations in earlier system cases [ns].
+        passive: name of a span -> its durations in earlier system cases, in shares [ns].
         about: what recordings say besides.
         only_check: start the nodes once, compare what they register with the binding, and run nothing.
     """
@@ -63,7 +63,7 @@ class Order:
     repeats: int = 0
     abstract: tuple[str, ...] = ()
     system: tuple[int, ...] = ()
-    passive: Mapping[str, list[int]] = field(default_factory=dict)
+    passive: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
     only_check: bool = False
 

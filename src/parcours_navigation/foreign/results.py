@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.report.chains import chain_table, waterfall
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Cell, Column, Marked, Page, Table, Tone
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Table, Tone
 from parcours.report.timings import TimingCase, timing_table
 from parcours.study.journal import read_journal
 from parcours.study.protocol import Measure
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours.verdict.timing import parse_bound
+from parcours.verdict.timing import Chain, parse_bound
 from parcours_navigation.foreign.judging import Judged
 
 _TONE: dict[Verdict, Tone] = {
@@ -34,7 +35,8 @@ class Result:
         seconds: how long it ran [s], without starting the nodes.
         scene: the id of what was run; that of a system case names its start vector.
         recording: the file; empty if there is none.
-        passive: name of a span -> its durations in this case [ns].
+        passive: name of a span -> its durations in this case, in shares [ns].
+        chain: what `timing` is made of, if it is of a chain.
     """
 
     id: str
@@ -44,7 +46,8 @@ class Result:
     scene: str = ""
     recording: str = ""
     timing: TimingCase | None = None
-    passive: Mapping[str, list[int]] = field(default_factory=dict)
+    passive: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
+    chain: Chain | None = None
 
     def entry(self) -> dict[str, object]:
         """Return it as a folder keeps it, in JSON values."""
@@ -60,6 +63,7 @@ class Result:
             ],
             "held_ns": list(judged.held), "recording": self.recording, "scene": self.scene or self.id,
             "timing": timed, "passive": dict(self.passive),
+            "chain": self.chain and {"steps": self.chain.steps, "rows": self.chain.rows},
         }  # fmt: skip
 
 
@@ -69,8 +73,12 @@ def _kept(entry: Mapping[str, Any], study: str) -> Result:
     judged = Judged(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]))
     kept = entry["timing"]
     timing = TimingCase(kept["name"], tuple(kept["durations"]), parse_bound(kept["bound"]), judgement) if kept else None
+    made = entry.get("chain")
+    chain = Chain(kept["name"], tuple(made["steps"]), tuple(map(tuple, made["rows"]))) if made else None
     id, seconds = f"{study}/{entry['id']}", float(entry["seconds"])
-    return Result(id, str(entry["kind"]), judged, seconds, recording=str(entry["recording"]), timing=timing)
+    return Result(
+        id, str(entry["kind"]), judged, seconds, recording=str(entry["recording"]), timing=timing, chain=chain
+    )
 
 
 class RosResults:
@@ -127,7 +135,7 @@ class RosResults:
 
 
 def tables(results: Sequence[Result]) -> list[Table]:
-    """Return a table for each kind of case."""
+    """Return a table for each kind of case, and for the shares of each chain."""
     bare = [one for one in results if one.timing is not None and not one.timing.durations]
     timing = [one.timing for one in results if one.timing is not None and one.timing.durations]
     found = [
@@ -136,7 +144,22 @@ def tables(results: Sequence[Result]) -> list[Table]:
         timing_table("Durations between channels", timing),
         _table("Limits without durations", "limit", bare),
     ]
+    found += [chain_table(f"Shares of {chain.name}", chain) for chain, _ in _chains(results)]
     return [table for table in found if table.rows]
+
+
+def waterfalls(results: Sequence[Result]) -> list[Figure]:
+    """Return a drawing of each chain, with its limits."""
+    return [waterfall(f"Reaction time {chain.name}", chain, limits) for chain, limits in _chains(results)]
+
+
+def _chains(results: Sequence[Result]) -> list[tuple[Chain, list[int]]]:
+    """Return each chain that has reactions, with its limits [ns]; results on one chain tell of the same reactions."""
+    found: dict[str, tuple[Chain, list[int]]] = {}
+    for one in results:
+        if one.chain is not None and one.chain.rows and one.timing is not None:
+            found.setdefault(one.chain.name, (one.chain, []))[1].append(one.timing.bound.limit)
+    return list(found.values())
 
 
 def _table(title: str, what: str, results: Sequence[Result]) -> Table:

@@ -27,7 +27,7 @@ from parcours_navigation.foreign.recorded import Tape, recording_place
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.setup_steps import act
 from parcours_navigation.foreign.tester_messages import Maker
-from parcours_navigation.foreign.timing import Exercise, durations, spans, timed
+from parcours_navigation.foreign.timing import Exercise, Shares, driven, is_exercised, spans, steps, timed
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 
 _SWITCH = 0.0005
@@ -128,7 +128,7 @@ class ForeignStudy:
         self._host, self._order = host, order
         self._faults = read_plan(order.faults) if order.faults else FaultPlan(0)
         self._spans = spans(host.binding)
-        self._passive = {span.name: list(order.passive.get(span.name, ())) for span in self._spans}
+        self._passive = {one.name: [tuple(row) for row in order.passive.get(one.name, ())] for one in self._spans}
         self._n_run = 0
 
     def run(self) -> Iterator[Result]:
@@ -196,7 +196,7 @@ class ForeignStudy:
         judged = judge.judged()
         if tape:
             tape.close(judged.judgement)
-        passive = {span.name: durations(session.relay.events, span) for span in self._spans if is_system}
+        passive = {span.name: driven(session.relay.events, span) for span in self._spans if is_system}
         for name, times in passive.items():
             self._passive[name] += times
         seconds = max(max((event.time for event in session.relay.events), default=0) - session.case_began, 0) * 1e-9
@@ -225,7 +225,7 @@ class ForeignStudy:
     def _timing(self) -> Iterator[Result]:
         """Yield the verdict on each limit: spans that the tester can begin are repeated as often as is wanted."""
         repeats, binding = self._order.repeats, self._host.binding
-        took = dict(self._passive)
+        took: dict[str, list[Shares]] = dict(self._passive)
         began = time.monotonic()
         subscriber = _Subscriber()
         session = Session(self._host, whole(binding), listener=subscriber)
@@ -235,7 +235,8 @@ class ForeignStudy:
                 exercise = Exercise(session, Maker(self._host.compile()), meter)
                 subscriber.add(exercise.listen)
                 for span in self._spans:
-                    if session.slot_plan.speaking(span.begin):  # the tester can send what the span begins with
+                    # The tester can send what the span begins with.
+                    if is_exercised(span, binding) and session.slot_plan.speaking(span.begin):
                         took[span.name] = exercise.run(span, repeats + binding.warm_up)
                     else:
                         meter.sample(repeats)
@@ -243,9 +244,10 @@ class ForeignStudy:
         finally:
             session.end()
         for span in self._spans:
-            for one in timed(span, took[span.name], binding.warm_up, noise):
+            names = steps(binding, span) if span.through else ()
+            for one, chain in timed(span, took[span.name], binding.warm_up, noise, names):
                 id = f"timing/{span.name}/{one.bound}"
-                yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one)
+                yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one, chain=chain)
 
 
 def check_live(host: ForeignHost) -> list[str]:

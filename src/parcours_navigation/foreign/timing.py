@@ -7,8 +7,9 @@ it holds the transport twice, and nothing that the tester itself takes or keeps.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 from parcours.abtc import interaction_paths
 from parcours.model.structure import ENVIRONMENT
@@ -18,8 +19,15 @@ from parcours.run.hosts.foreign.session import Session
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours.verdict.timing import NEVER, judge, parse_bound
+from parcours.verdict.timing import NEVER, Chain, judge, parse_bound
+from parcours.verdict.timing.chains import reactions
 from parcours_navigation.foreign.tester_messages import Maker
+
+Shares: TypeAlias = "tuple[int, ...]"
+"""How long something took, in the shares of what took it [ns]; only `NEVER` if it did not end."""
+
+Timed: TypeAlias = "tuple[TimingCase, Chain | None]"
+"""What was judged, and of a chain its shares."""
 
 _GAP = 5_000_000
 _LONGEST = 1_000_000_000
@@ -54,17 +62,42 @@ def _placed(binding: Binding, bound: Bound) -> Bound:
     return replace(bound, begin=between(*first), end=between(*hops[-1]))
 
 
-def durations(events: Iterable[TraceEvent], span: Bound) -> list[int]:
-    """Return how long each span took [ns], in order."""
-    found: list[int] = []
+def steps(binding: Binding, span: Bound) -> tuple[str, ...]:
+    """Return what takes the shares of a chain: components, and `on CHANNEL` while a message is with the tester."""
+    found: list[str] = []
+    for before, after in itertools.pairwise(span.channels):
+        found += [binding.ends(before)[1] or binding.ends(after)[0] or "nodes", f"on {after}"]
+    return tuple(found[:-1])
+
+
+def durations(events: Iterable[TraceEvent], span: Bound) -> list[Shares]:
+    """Return how long each span took [ns], in order; of a chain the share of each of its steps."""
+    if span.through:
+        return list(reactions(sorted(events, key=lambda event: event.time), span.channels, span.name))
+    found: list[Shares] = []
     opened: int | None = None
     for event in events:
         if event.kind == "send" and event.channel == span.end and opened is not None:
-            found.append(event.time - opened)
+            found.append((event.time - opened,))
             opened = None
         if event.kind == "receive" and event.channel == span.begin:
             opened = event.time
     return found
+
+
+def driven(events: Sequence[TraceEvent], span: Bound) -> list[Shares]:
+    """Return how long each span took in a system case [ns]; a chain once its last channel has spoken at all."""
+    if span.through:
+        starts = (event.time for event in events if (event.kind, event.channel) == ("send", span.end))
+        first = min(starts, default=0)
+        events = [event for event in events if event.time >= first]
+    return durations(events, span)
+
+
+def is_exercised(span: Bound, binding: Binding) -> bool:
+    """Whether a span that the tester can begin is repeated; chains that begin with what robots sense need a drive."""
+    sensed = binding.system.sense if binding.system is not None else ()
+    return not (span.through and span.begin in dict(sensed))
 
 
 class Exercise:
@@ -79,9 +112,9 @@ class Exercise:
         if event.kind in ("send", "receive"):
             self._heard.append(event)
 
-    def run(self, span: Bound, repeats: int) -> list[int]:
+    def run(self, span: Bound, repeats: int) -> list[Shares]:
         """Return the durations of some repeats [ns]; NEVER for one that did not end."""
-        session, found = self._session, []
+        session, found = self._session, list[Shares]()
         for _ in range(repeats):
             self._meter.sample()
             self._heard.clear()
@@ -90,7 +123,7 @@ class Exercise:
             until = session.now() + _LONGEST
             while not (took := durations(self._heard, span)) and session.now() < until and not session.deaths:
                 session.poll(until)
-            found.append(took[0] if took else NEVER)
+            found.append(took[0] if took else (NEVER,))
             if session.deaths:
                 break
             rest = session.now() + _GAP
@@ -99,16 +132,21 @@ class Exercise:
         return found
 
 
-def timed(span: Bound, took: list[int], warm_up: int, noise: Noise | None) -> list[TimingCase]:
-    """Return the durations of a span with their verdicts, one for each limit; the first ones do not count."""
+def timed(span: Bound, took: list[Shares], warm_up: int, noise: Noise | None, names: Sequence[str]) -> list[Timed]:
+    """Return the durations of a span with their verdicts, one for each limit; the first ones do not count.
+
+    Of a chain, `names` are those of its steps.
+    """
     kept = took[warm_up:] if len(took) > warm_up else []
+    whole = tuple(map(sum, kept))
+    chain = Chain(span.name, tuple(names), tuple(row for row in kept if len(row) == len(names))) if names else None
     found = []
     for text in span.texts:
         bound = parse_bound(text)
         if kept:
-            judgement = judge(kept, bound, noise)
+            judgement = judge(whole, bound, noise)
         else:
             why = f"{len(took)} repeats were seen, of which {warm_up} are warm-up [few-repeats]"
             judgement = Judgement(Verdict.INCONCLUSIVE, why)
-        found.append(TimingCase(span.name, tuple(kept), bound, judgement))
+        found.append((TimingCase(span.name, whole, bound, judgement), chain))
     return found

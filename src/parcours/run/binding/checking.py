@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from parcours.model.finding import Finding, advice
 from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
-from parcours.run.binding.structure import Binding, BoundChannel
+from parcours.run.binding.structure import Binding, Bound, BoundChannel
 from parcours.run.binding.worlds import ASKED, EACH_NAMES, STACK_NAMES, WAY_NAMES, WORLD_NAMES
 
 _ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
@@ -184,10 +185,20 @@ class _Check:
         interactions = [name for name, _ in self.model.interactions]
         for bound in self.binding.timing:
             if bound.begin or bound.end:
-                for name in (bound.begin, bound.end):
-                    self.known(name, list(self.bound), f"a channel of timing {bound.name!r}", bound.line)
+                said = f"a channel of timing {bound.name!r}"
+                known = [self.known(name, list(self.bound), said, bound.line) for name in bound.channels]
+                if all(known):
+                    self.chain(bound)
             elif not _ITP.fullmatch(bound.name):
                 self.known(bound.name, interactions, "an interaction of the model", bound.line)
+
+    def chain(self, bound: Bound) -> None:
+        """Who receives one message of a chain is who sends the next."""
+        for before, after in itertools.pairwise(bound.channels if bound.through else ()):
+            receiver, sender = self.binding.ends(before)[1], self.binding.ends(after)[0]
+            if receiver and sender and receiver != sender:
+                rule = f"a chain must be linked, but {before!r} goes to {receiver}, and {after!r} comes from {sender}"
+                self.add(bound.line, "binding-timing", rule, "name the channels between them under 'through'")
 
     def system(self) -> None:
         system = self.binding.system
@@ -209,6 +220,9 @@ class _Check:
         if stack is not None and self.binding.transport != "ros2":
             rule = f"a stack is driven on ros2, but 'transport' is {self.binding.transport}"
             self.add(stack.line, "binding-stack", rule, "write transport: ros2")
+        if stack is not None and stack.simulated and self.binding.timing:
+            rule = "durations are those of the machine's clock, but the nodes are led by /clock"
+            self.add(self.binding.timing[0].line, "clock-domains", rule, "delete 'timing', or write time: real")
 
     def life(self) -> None:
         if self.binding.transport == "ros2":

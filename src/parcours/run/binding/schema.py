@@ -212,9 +212,9 @@ class PartReader(QuantityReader):
         what = f"timing {name!r}"
         if not isinstance(node, Mapping):
             return parts.Bound(name, self.bounds(node, what), line=line)
-        table: Table = {"from": (self.identifier, ""), "to": (self.identifier, ""), "bound": (self.bounds, ())}
-        said = self.section(node, what, table, tuple(table))
-        return parts.Bound(name, said["bound"], said["from"], said["to"], line)
+        needed: Table = {"from": (self.identifier, ""), "to": (self.identifier, ""), "bound": (self.bounds, ())}
+        said = self.section(node, what, {**needed, "through": (self.identifiers, ())}, tuple(needed))
+        return parts.Bound(name, said["bound"], said["from"], said["to"], said["through"], line)
 
     def bounds(self, node: Node, what: str) -> tuple[str, ...]:
         """Return one text, or those of a list."""

@@ -130,14 +130,21 @@ class BoundChannel:
 class Bound:
     """Limits on how long something takes, as texts; from a message on one channel to the next on another.
 
-    `begin` and `end` are empty where `name` is an interaction of the model.
+    `begin` and `end` are empty where `name` is an interaction of the model. A chain passes `through` the channels
+    between them: its time is that from a message to its effect.
     """
 
     name: str
     texts: tuple[str, ...]
     begin: str = ""
     end: str = ""
+    through: tuple[str, ...] = ()
     line: int = field(default=0, compare=False)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that a chain passes, in order."""
+        return self.begin, *self.through, self.end
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,6 +260,13 @@ class Binding:
             if channel.name == name:
                 return channel
         raise KeyError(name)
+
+    def ends(self, name: str) -> tuple[str, str]:
+        """Return who sends and who receives on a bound channel, components or nodes; empty for one that is unknown."""
+        channel = self.channel(name)
+        if channel.role != "model":
+            return channel.ends
+        return next(((one.sender, one.receiver) for one in self.model.channels if one.name == name), ("", ""))
 
     def process_of(self, component: str) -> Process | None:
         """Return the process that runs a component, or None if none does: the tester stands in for it."""

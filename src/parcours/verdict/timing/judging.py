@@ -58,6 +58,32 @@ def judge(durations: ArrayLike, bound: Bound, noise: Noise | None = None) -> Jud
     return _every(ordered, bound, noise, worth) if bound.hard else _quantile(ordered, bound, noise, worth)
 
 
+def quantile_interval(durations: ArrayLike, quantile: float = 0.99, error: float = 0.05) -> tuple[int, int, float]:
+    """Return what a quantile is at least and at most, each with confidence, and how many repeats count as one.
+
+    Args:
+        durations: [ns], shape (n_repeats,), in the order in which they were measured.
+        quantile: in (0, 1).
+        error: how likely each of the two is wrong, in (0, 0.5].
+
+    Returns:
+        low [ns], 0 if nothing bounds it from below; high [ns], `NEVER` if nothing bounds it from above; the longest
+        spell of slow repeats, 1 where they seem independent.
+
+    Raises:
+        BadRequest: there is no duration, or one is negative or not a number.
+
+    >>> apart, together = [617 * k % 1000 for k in range(1000)], range(1000)
+    >>> quantile_interval(apart), quantile_interval(together) == (899, NEVER, 100.0)
+    ((984, 995, 1.0), True)
+    """
+    times = checked(durations)
+    ordered = np.sort(times)
+    found = dependence(times, ordered_quantile(ordered, 0.9))
+    low, high = _Worth(found, found.spell).ranks(len(times), quantile, error)
+    return int(ordered[low - 1]) if low else 0, int(ordered[high - 1]) if high <= len(times) else NEVER, found.spell
+
+
 @dataclass(frozen=True, slots=True)
 class _Worth:
     """What repeats are worth: the dependence that was seen, and how many of them count as one draw."""
