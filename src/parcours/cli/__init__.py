@@ -39,6 +39,7 @@ COMMANDS = {
     "replay": "One case of a run, executed again and drawn.",
     "history": "A file with one line per run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
+    "studio": "Edit, run and watch the studies of a folder in the browser.",
     "compile": "Compile all kernels now, on all processors.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""
