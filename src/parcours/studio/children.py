@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from parcours.errors import BadRequest
-from parcours.studio.folder import Folder
+from parcours.studio.folder import RESULTS, Folder
 
 PATIENCE = 30.0
 """Longest time of a command whose answer is waited for [s]."""
@@ -104,6 +104,10 @@ class Runs:
         process = await _started(self._folder, "parcours", arguments, asyncio.subprocess.DEVNULL)
         running = self._running[place] = _Running(process)
         running.reading = asyncio.create_task(_listen(running))
+        while not any((self._folder.root / place / name).exists() for name in RESULTS):
+            await asyncio.sleep(0.05)
+            if process.returncode is not None and running.reading.done():
+                raise BadRequest(study, f"the run must start, but: {running.words}", slug="studio-refused")
         return place
 
     def state(self, run: str) -> dict[str, object]:

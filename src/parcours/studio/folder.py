@@ -22,8 +22,8 @@ from parcours.model.documents import MAX_BYTES
 from parcours.run.atomic import write_atomically
 
 SUFFIXES = (".yaml", ".yml")
+RESULTS = ("run.json", "campaign.json", "components.json")
 _KIND = re.compile(rb"(?m)^parcours:\s*[\"']?([a-z]{1,20})/[0-9]")
-_RESULTS = ("run.json", "campaign.json", "components.json")
 _SKIPPED = ("node_modules", "__pycache__")
 _DEPTH, _MOST_SEEN, _MOST_LISTED = 8, 20_000, 2000
 
@@ -61,7 +61,7 @@ class Folder:
             with contextlib.suppress(OSError), os.scandir(self.root / place) as scan:
                 inside = sorted((one for one in scan if _is_shown(one.name)), key=lambda one: one.name)
                 left -= len(inside)
-                if place and any(one.name in _RESULTS and one.is_file(follow_symlinks=False) for one in inside):
+                if place and any(one.name in RESULTS and one.is_file(follow_symlinks=False) for one in inside):
                     found.append(Entry(place, "run"))
                     continue
                 for one in inside:

@@ -326,21 +326,15 @@ async function watch(run) {
   let timer = 0;
   leave = () => { events.close(); clearTimeout(timer); return true; };
   events.onmessage = (event) => { const news = JSON.parse(event.data); body.replaceChildren(...outcomes(news)); body.dataset.finished = news.finished; say(""); };
-  events.addEventListener("refused", (event) => { events.close(); retry(JSON.parse(event.data).error); });
-  events.onerror = () => { if (events.readyState === EventSource.CLOSED) retry("Nothing can be watched there yet."); };
+  events.addEventListener("refused", (event) => { events.close(); refuse(JSON.parse(event.data).error); });
+  events.onerror = () => { if (events.readyState === EventSource.CLOSED) refuse("There is nothing to watch there."); };
+  const refuse = (why) => body.replaceChildren(el("p", { class: "bad" }, why));
 
-  // A run that has just been started has not written its first file.
-  async function retry(why) {
-    const state = await own_state();
-    if (state.running) timer = setTimeout(() => watch(run), 200);
-    else body.replaceChildren(el("p", { class: "bad" }, why));
-  }
-
-  async function own_state() {
+  async function ownState() {
     let state = {};
     try { state = await ask("GET", "state", { run }); } catch (error) { say(error.message, "bad"); }
     own.replaceChildren();
-    if (state.running) own.append(el("p", {}, "The run goes on. ", el("button", { click: () => attempt("Stopping", async () => { await ask("POST", "stop", { run }); await own_state(); }) }, "Stop")));
+    if (state.running) own.append(el("p", {}, "The run goes on. ", el("button", { click: () => attempt("Stopping", async () => { await ask("POST", "stop", { run }); await ownState(); }) }, "Stop")));
     else if (state.running === false) {
       own.append(el("p", {}, `The run ended with exit code ${state.exit}.`));
       if (state.exit > 1) own.append(el("pre", {}, state.words));
@@ -349,7 +343,7 @@ async function watch(run) {
   }
 
   async function follow() {
-    if ((await own_state()).running) timer = setTimeout(follow, 1000);
+    if ((await ownState()).running) timer = setTimeout(follow, 1000);
     else if (!listed.runs.some((one) => one.run === run)) await refresh();
   }
   await follow();
