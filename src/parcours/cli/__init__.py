@@ -40,6 +40,7 @@ COMMANDS = {
     "history": "A file with one line per run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "studio": "Edit, run and watch the studies of a folder in the browser.",
+    "completion": "What makes a shell complete these commands.",
     "compile": "Compile all kernels now, on all processors.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""
@@ -88,7 +89,7 @@ def parcours() -> None:
 def main() -> None:
     """Run the command line; what was given wrongly is one paragraph on standard error and exit code 2."""
     try:
-        sys.exit(parcours.main(standalone_mode=False) or 0)  # an Exit raised inside comes back as its code
+        sys.exit(parcours.main(complete_var="_PARCOURS_COMPLETE", standalone_mode=False) or 0)  # an Exit raised inside comes back as its code
     except click.ClickException as error:
         error.show()
         sys.exit(2)

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from parcours.abtc import AbstractCase, find_case, serialise
 from parcours.errors import BadRequest, ParcoursError
 from parcours.model import Cefsm
-from parcours.run.trace import Trace, told
+from parcours.run.port import Reported
+from parcours.run.trace import Trace, TraceEvent
 
 _MOST = 20_000  # events that are shown
 
@@ -54,7 +55,15 @@ def planned(model: Cefsm, abstract: str) -> dict[str, object]:
 def _happened(trace: Trace) -> Iterator[dict[str, object]]:
     for one in trace.events[:_MOST]:
         yield {"time": one.time, "kind": one.kind, "component": one.component, "transition": one.transition,
-               "channel": one.channel, "text": told(one)[:500]}  # fmt: skip
+               "channel": one.channel, "text": _said(one)[:500]}  # fmt: skip
+
+
+def _said(event: TraceEvent) -> str:
+    """Return the text of an event, or in words what its component reported."""
+    if not isinstance(event.payload, Reported):
+        return event.text
+    parts = [f"{name} = {value}" for name, value in event.payload.variables.items()]
+    return ", ".join([*parts, *(event.payload.operations or ())])
 
 
 if __name__ == "__main__":
