@@ -89,7 +89,8 @@ def parcours() -> None:
 def main() -> None:
     """Run the command line; what was given wrongly is one paragraph on standard error and exit code 2."""
     try:
-        sys.exit(parcours.main(complete_var="_PARCOURS_COMPLETE", standalone_mode=False) or 0)  # an Exit raised inside comes back as its code
+        # An Exit raised inside comes back as its code.
+        sys.exit(parcours.main(complete_var="_PARCOURS_COMPLETE", standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
         sys.exit(2)

@@ -33,8 +33,6 @@ def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
     root = folder.resolve()
     if not root.is_dir():
         raise BadRequest(str(folder), "the studio's folder must exist, but does not", slug="studio-file")
-    # `python -m` looks for modules in the current folder: looking at one must not run what lies there.
-    sys.path[:] = [one for one in sys.path if Path(one or ".").resolve() not in (root, Path.cwd())]
     try:
         from parcours.studio.folder import Folder
         from parcours.studio.server import Studio, bound, serve
