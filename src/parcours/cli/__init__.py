@@ -39,6 +39,8 @@ COMMANDS = {
     "replay": "One case of a run, executed again and drawn.",
     "history": "A file with one line per run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
+    "studio": "Edit, run and watch the studies of a folder in the browser.",
+    "completion": "What makes a shell complete these commands.",
     "compile": "Compile all kernels now, on all processors.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""
@@ -87,7 +89,8 @@ def parcours() -> None:
 def main() -> None:
     """Run the command line; what was given wrongly is one paragraph on standard error and exit code 2."""
     try:
-        sys.exit(parcours.main(standalone_mode=False) or 0)  # an Exit raised inside comes back as its code
+        # An Exit raised inside comes back as its code.
+        sys.exit(parcours.main(complete_var="_PARCOURS_COMPLETE", standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
         sys.exit(2)

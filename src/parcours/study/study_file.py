@@ -49,11 +49,12 @@ def read_study(path: Path) -> Study:
     return study
 
 
-def check_study_file(path: Path) -> tuple[Study | None, tuple[Finding, ...]]:
-    """Return the study of a file, None if it has errors, and every finding."""
+def check_study_file(path: Path, text: str | None = None) -> tuple[Study | None, tuple[Finding, ...]]:
+    """Return the study of a file, or of a text that is to become it; None if it has errors; and every finding."""
     try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
+        if text is None:
+            with path.open("rb") as file:
+                text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
     except (OSError, ValueError) as error:
         said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
         rule = f"a study must be a readable file, but: {said}"

@@ -1,0 +1,260 @@
+"""Serves the studio of one folder on the loopback interface: pages, answers and events, all behind the guard."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import functools
+import json
+import signal
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from importlib.resources import files
+from types import FrameType
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route
+
+from parcours.errors import BadRequest, ParcoursError
+from parcours.studio.checking import checked, drawings, require_sound
+from parcours.studio.children import Runs, answer_of
+from parcours.studio.folder import Folder
+from parcours.studio.guarding import Guard
+from parcours.studio.watching import PERIOD, Watched, study_behind, summary
+
+_OWN = {"": ("page.html", "text/html"), "studio.js": ("studio.js", "text/javascript"),
+        "studio.css": ("studio.css", "text/css")}  # fmt: skip
+_QUIET = 150  # looks without news after which a line says that the server is still there
+_MOST_WATCHED = 16
+_STATUS = {"studio-changed": 409, "studio-running": 409, "studio-file": 404, "studio-size": 413}
+
+Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+class Studio:
+    """What the page can ask about a folder."""
+
+    def __init__(self, folder: Folder) -> None:
+        self.folder = folder
+        self.runs = Runs(folder)
+        self.closing = False
+        self._watchers = 0
+
+    def app(self, token: str, port: int) -> Guard:
+        """Return the application, which answers the browser that was given the token."""
+        answers: dict[tuple[str, str], Callable[[Request], Awaitable[object]]] = {
+            ("GET", "files"): self.files, ("GET", "file"): self.file, ("PUT", "file"): self.save,
+            ("POST", "check"): self.check, ("POST", "paths"): self.paths, ("POST", "cases"): self.cases,
+            ("POST", "step"): self.step, ("POST", "study"): self.study, ("POST", "run"): self.run,
+            ("POST", "stop"): self.stop, ("GET", "state"): self.state, ("POST", "compare"): self.compare,
+        }  # fmt: skip
+        routes = [Route(f"/api/{name}", _answered(answer), methods=[method])
+                  for (method, name), answer in answers.items()]  # fmt: skip
+        routes += [Route(f"/{name}", functools.partial(_own, name)) for name in _OWN]
+        routes.append(Route("/api/watch", self.watch))
+        return Guard(Starlette(routes=routes, exception_handlers={ParcoursError: _refused}), token, port)
+
+    async def files(self, request: Request) -> object:
+        """Return what the folder holds: files, and runs with what they say of themselves."""
+        entries, is_all = await run_in_threadpool(self.folder.entries)
+        runs = [one.path for one in entries if one.kind == "run"]
+        said = await run_in_threadpool(lambda: [summary(self.folder, run) for run in runs])
+        listed = [dataclasses.asdict(one) for one in entries if one.kind != "run"]
+        return {"folder": self.folder.root.name, "files": listed, "runs": said, "all": is_all}
+
+    async def file(self, request: Request) -> object:
+        """Return the text of a file, and its version."""
+        return dataclasses.asdict(await run_in_threadpool(self.folder.text, _asked(request, "path")))
+
+    async def save(self, request: Request) -> object:
+        """Replace a file if it still has the version that was opened."""
+        text = await _text(request)
+        arguments = _asked(request, "path"), text, _asked(request, "version")
+        return {"version": await run_in_threadpool(self.folder.save, *arguments)}
+
+    async def check(self, request: Request) -> object:
+        """Return what is wrong with a text, and drawings of its model."""
+        text, path = await _text(request), _asked(request, "path")
+        await run_in_threadpool(self.folder.text, path)  # it is a file of the folder
+
+        def look() -> object:
+            model, found = checked(self.folder, path, text)
+            return {"findings": [dataclasses.asdict(one) for one in found],
+                    "drawings": drawings(model) if model is not None else []}  # fmt: skip
+
+        return await run_in_threadpool(look)
+
+    async def paths(self, request: Request) -> object:
+        """Return internal paths of a model by a criterion."""
+        criterion = f"--criterion={_asked(request, 'criterion')}"
+        return await answer_of(self.folder, ["paths", await self._sound(request), criterion, "--json"])
+
+    async def cases(self, request: Request) -> object:
+        """Return the abstract cases of a model."""
+        return await answer_of(self.folder, ["abtc", await self._sound(request), "--json"])
+
+    async def step(self, request: Request) -> object:
+        """Return what happens in an abstract case: of a study executed, of a model as it is demanded."""
+        full, case, path = await self._sound(request), _asked(request, "case"), _asked(request, "path")
+        text = (await run_in_threadpool(self.folder.text, path)).text
+        model, _ = await run_in_threadpool(checked, self.folder, path, text)
+        if model is None:
+            raise BadRequest(path, "it has no model to step through", slug="studio-step")
+        from parcours.studio.folder import kind_of
+        from parcours.studio.stepping import planned
+
+        if kind_of(text[:4096].encode(errors="replace")) == "model":
+            happened = await run_in_threadpool(planned, model, case)
+        else:
+            found = await answer_of(self.folder, [full, case], "parcours.studio.stepping")
+            assert isinstance(found, dict)
+            happened = found
+        return happened | {"drawings": await run_in_threadpool(drawings, model)}
+
+    async def study(self, request: Request) -> object:
+        """Return what the battery for authors finds; it runs the study's code, apart."""
+        return await answer_of(self.folder, ["study", "check", await self._sound(request), "--json"])
+
+    async def run(self, request: Request) -> object:
+        """Start a run of a study."""
+        await self._sound(request)
+        cases = request.query_params.get("cases", "")
+        if cases and not (cases.isascii() and cases.isdecimal() and 0 < int(cases) <= 100_000_000):
+            raise BadRequest(
+                "cases", f"must be a number from 1 to 100000000, but is {cases[:20]!r}", slug="studio-cases"
+            )
+        return {"run": await self.runs.start(_asked(request, "path"), int(cases) if cases else None)}
+
+    async def stop(self, request: Request) -> object:
+        """End a run that the studio started."""
+        await self.runs.stop(_asked(request, "run"))
+        return {}
+
+    async def state(self, request: Request) -> object:
+        """Return how a run goes that the studio started."""
+        return self.runs.state(_asked(request, "run"))
+
+    async def compare(self, request: Request) -> object:
+        """Return how a run compares with an earlier one."""
+        runs = _asked(request, "before"), _asked(request, "now")
+        for run in runs:
+            await run_in_threadpool(study_behind, self.folder, run)
+        found = await answer_of(self.folder, ["compare", *(str(self.folder.directory(run)) for run in runs), "--json"])
+        assert isinstance(found, dict)
+        return next(iter(found.values()))
+
+    async def watch(self, request: Request) -> Response:
+        """Return a stream of events: what is known of a run, each time that it changes."""
+        watched = await run_in_threadpool(Watched, self.folder, _asked(request, "run"))
+        if self._watchers >= _MOST_WATCHED:
+            raise HTTPException(429, "Too many runs are watched at once.")
+        return StreamingResponse(self._events(watched), media_type="text/event-stream")
+
+    async def _events(self, watched: Watched) -> AsyncIterator[str]:
+        self._watchers += 1
+        quiet = 0
+        try:
+            while not self.closing:
+                try:
+                    news = await run_in_threadpool(watched.news)
+                except ParcoursError as error:
+                    yield f"event: refused\ndata: {_json({'error': str(error)})}\n\n"
+                    return
+                quiet = 0 if news is not None else quiet + 1
+                if news is not None:
+                    yield f"data: {_json(news)}\n\n"
+                elif quiet % _QUIET == 0:
+                    yield ": still here\n\n"
+                await asyncio.sleep(PERIOD)
+        finally:
+            self._watchers -= 1
+
+    async def _sound(self, request: Request) -> str:
+        path = _asked(request, "path")
+        await run_in_threadpool(require_sound, self.folder, path)
+        return str(self.folder.root / path)
+
+
+def _asked(request: Request, name: str) -> str:
+    value = request.query_params.get(name, "")
+    if not value or len(value) > 4096:
+        raise BadRequest(name, "a request must give it, but this one does not", slug="studio-file")
+    return value
+
+
+async def _text(request: Request) -> str:
+    try:
+        return (await request.body()).decode()
+    except UnicodeDecodeError:
+        raise BadRequest("text", "must be UTF-8, but is not", slug="studio-file") from None
+
+
+def _answered(answer: Callable[[Request], Awaitable[object]]) -> Endpoint:
+    async def endpoint(request: Request) -> Response:
+        return Response(_json(await answer(request)), media_type="application/json")
+
+    return endpoint
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ParcoursError)
+    status = _STATUS.get(error.slug, 400)
+    return Response(_json({"error": str(error), "slug": error.slug}), status, media_type="application/json")
+
+
+async def _own(name: str, request: Request) -> Response:
+    file, kind = _OWN[name]
+    return Response((files("parcours.studio") / file).read_bytes(), media_type=kind)
+
+
+def _json(value: object) -> str:
+    return json.dumps(value)  # ASCII: a name may hold halves of characters
+
+
+class _Server(uvicorn.Server):
+    """A server that a signal ends without an error, streams and runs first."""
+
+    def __init__(self, config: uvicorn.Config, studio: Studio) -> None:
+        super().__init__(config)
+        self._studio = studio
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End; a second Ctrl-C ends at once."""
+        self._studio.closing = True
+        self.force_exit = self.should_exit and sig == signal.SIGINT
+        self.should_exit = True
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the runs, then the server."""
+        await self._studio.runs.stop_all()
+        await super().shutdown(sockets)
+
+
+def bound(port: int) -> socket.socket:
+    """Return a socket on the loopback interface. Raises BadRequest: the port is in use or not allowed."""
+    listener = socket.socket()
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+    except OSError as error:
+        listener.close()
+        rule = f"a port must be free, but: {error.strerror}"
+        raise BadRequest(f"port {port}", rule, "name another one, or 0 for any", slug="studio-port") from error
+    return listener
+
+
+def serve(studio: Studio, listener: socket.socket, token: str) -> None:
+    """Serve until a signal ends it."""
+    app = studio.app(token, listener.getsockname()[1])
+    config = uvicorn.Config(
+        app, log_level="error", access_log=False, lifespan="off", ws="none", loop="asyncio", http="h11",
+        proxy_headers=False, server_header=False, timeout_graceful_shutdown=2, limit_concurrency=100,
+    )  # fmt: skip
+    with contextlib.closing(listener):
+        _Server(config, studio).run([listener])
