@@ -188,10 +188,9 @@ def test_too_much_is_refused_whether_or_not_its_length_is_said(server: Server) -
     assert server.ask("POST", "/api/check", b"x" * 1_200_000, path="lift/model.yaml")[0] == 413
     chunk = b"%x\r\n%s\r\n" % (100_000, b"x" * 100_000)
     with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
-        head = f"POST /api/check?path=lift/model.yaml HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
-        connection.sendall(
-            f"{head}Cookie: {server.cookie}\r\nOrigin: http://127.0.0.1:{server.port}\r\nTransfer-Encoding: chunked\r\n\r\n".encode()
-        )
+        head = ("POST /api/check?path=lift/model.yaml HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "", "")
+        sent = (f"Cookie: {server.cookie}", f"Origin: http://127.0.0.1:{server.port}", "Transfer-Encoding: chunked")
+        connection.sendall("\r\n".join((*head[:2], *sent, *head[2:])).encode())
         with contextlib.suppress(ConnectionError):
             for _ in range(20):
                 connection.sendall(chunk)

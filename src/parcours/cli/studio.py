@@ -18,7 +18,7 @@ from parcours.cli.options import PATH
 def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
     """Edit, run and watch the studies of FOLDER in the browser, on this machine only. Ctrl-C ends it.
 
-    The address that it prints holds a token: whoever has it can change files in the folder and run its studies.
+    The address that it prints holds a token: anyone with it can change files in the folder and run its studies.
 
     Example: parcours studio examples/lift
 
