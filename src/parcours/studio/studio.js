@@ -386,6 +386,7 @@ async function route() {
   }
 }
 
+if (location.search) history.replaceState(null, "", location.pathname + location.hash); // the token, out of sight
 window.addEventListener("hashchange", route);
 try {
   await refresh();
