@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import http.client
 import json
 import os
 import shutil
@@ -12,11 +11,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-from urllib.parse import urlencode
 
 import pytest
 
@@ -24,67 +20,11 @@ from parcours.model.model_file import check_text
 from parcours.run.store import create, open_results
 from parcours.study.finding import find
 from parcours.verdict.statistics import wilson
+from studio_server import Server, events, start
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SECRET = "the secret of another folder"
 HOSTILE = '<img src=x onerror="alert(1)">.yaml'
-
-
-@dataclass
-class Server:
-    """A server that runs."""
-
-    process: subprocess.Popen[str]
-    root: Path
-    port: int
-    token: str
-    cookie: str = ""
-
-    def ask(
-        self, method: str, to: str, /, body: bytes | None = None, headers: dict[str, str] | None = None, **asked: str
-    ) -> tuple[int, http.client.HTTPMessage, bytes]:
-        """Send a request as the page does, but for the headers given; those given as empty are left out."""
-        sent = {"Host": f"127.0.0.1:{self.port}", "Origin": f"http://127.0.0.1:{self.port}", "Cookie": self.cookie}
-        sent |= headers or {}
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
-        with contextlib.closing(connection):
-            connection.putrequest(method, f"{to}?{urlencode(asked)}" if asked else to, skip_host=True)
-            for name, value in sent.items():
-                if value:
-                    connection.putheader(name, value)
-            if body is not None:
-                connection.putheader("Content-Length", str(len(body)))
-            connection.endheaders(body)
-            answer = connection.getresponse()
-            return answer.status, answer.headers, answer.read()
-
-    def api(self, method: str, name: str, /, body: str | None = None, **asked: str) -> Any:
-        """Return the JSON of an answer; its status must be 200."""
-        status, _, content = self.ask(method, f"/api/{name}", None if body is None else body.encode(), None, **asked)
-        assert status == 200, content
-        return json.loads(content)
-
-    def refused(self, method: str, name: str, /, body: str | None = None, **asked: str) -> str:
-        """Return the slug of a refusal."""
-        status, _, content = self.ask(method, f"/api/{name}", None if body is None else body.encode(), None, **asked)
-        assert status >= 400
-        return str(json.loads(content)["slug"])
-
-
-def start(root: Path, *options: str) -> Server:
-    """Start the command in its folder, as the installed one (`-P`): Python looks for no modules there."""
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "parcours", "studio", str(root), "--port", "0", "--no-open", "--json", *options],
-        cwd=root, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert process.stdout is not None
-    address, _, token = json.loads(process.stdout.readline())["url"].partition("/?token=")
-    found = Server(process, root, int(address.rpartition(":")[2]), token)
-    status, headers, _ = found.ask("GET", "/", headers={"Origin": ""}, token=token)
-    assert status == 303
-    assert "SameSite=strict" in headers["Set-Cookie"] and "HttpOnly" in headers["Set-Cookie"]
-    found.cookie = headers["Set-Cookie"].partition(";")[0]
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +71,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         ("GET", "/api/files", {"Origin": "http://evil.example"}, 403),
         ("GET", "/api/files", {"Origin": "http://127.0.0.1:1"}, 403),
         ("GET", "/api/files", {"Origin": "", "Sec-Fetch-Site": "same-site"}, 403),
+        ("GET", "/", {"Origin": "", "Sec-Fetch-Site": "same-site"}, 403),
+        ("GET", "/", {"Origin": "", "Sec-Fetch-Site": "cross-site"}, 403),
         ("POST", "/api/run?path=lift/study.yaml", {"Origin": ""}, 403),
         ("POST", "/api/run?path=lift/study.yaml", {"Origin": "null"}, 403),
         ("PUT", "/api/file?path=lift/study.yaml", {"Origin": "http://localhost:1"}, 403),
@@ -320,21 +262,6 @@ def test_each_new_shard_comes_as_an_event_and_only_it_is_read(server: Server, ru
         found = next(stream)
         assert (found["finished"], found["planned"]) == (done, 60)
     stream.close()
-
-
-def events(server: Server, run: str, until: int = -1) -> Generator[dict[str, Any], None, None]:
-    """Yield what the stream of a run says, until so many cases are finished."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
-    with contextlib.closing(connection):
-        connection.request("GET", f"/api/watch?{urlencode({'run': run})}", headers={"Cookie": server.cookie})
-        answer = connection.getresponse()
-        assert answer.status == 200
-        while line := answer.readline():
-            if line.startswith(b"data: "):
-                found: dict[str, Any] = json.loads(line[6:])
-                yield found
-                if found["finished"] == until:
-                    return
 
 
 def test_signals_end_it_with_its_runs_and_streams(tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -26,7 +28,6 @@ def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
     """
     import json
     import secrets
-    import webbrowser
 
     from parcours.errors import BadRequest
 
@@ -45,6 +46,22 @@ def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
     address = f"http://127.0.0.1:{listener.getsockname()[1]}/?token={token}"
     click.echo(json.dumps({"url": address}) if as_json else f"studio of {root}: {address}\nCtrl-C ends it.")
     sys.stdout.flush()
-    if not no_open:
-        webbrowser.open(address)
-    serve(Studio(Folder(root)), listener, token)
+    with contextlib.nullcontext() if no_open else _opened(address):
+        serve(Studio(Folder(root)), listener, token)
+
+
+@contextlib.contextmanager
+def _opened(address: str) -> Iterator[None]:
+    """Open a browser by a file that only its user can read: the words of a command line are seen by all users."""
+    import tempfile
+    import threading
+    import webbrowser
+
+    with tempfile.NamedTemporaryFile("w", prefix="parcours-studio-", suffix=".html") as file:
+        file.write(
+            f'<!doctype html><meta http-equiv="refresh" content="0; url={address}"><title>Parcours studio</title>'
+        )
+        file.flush()
+        # Apart: a browser on the terminal returns when it is left.
+        threading.Thread(target=webbrowser.open, args=(f"file://{file.name}",), daemon=True).start()
+        yield

@@ -1,6 +1,6 @@
 """Answers only the browser that was given the token, and pages of this very server.
 
-    request ─► Host ours? ─► Origin ours? ─► token, once in the address ─► a cookie from then on ─► the studio
+    request ─► Host ours? ─► Origin ours? ─► token in the address once, a cookie from then on ─► the studio
 
 A page of another site cannot send the cookie (SameSite=Strict). One of another port of this machine can, as a browser
 counts it as the same site: it is refused by `Origin` and `Sec-Fetch-Site`. A name that resolves to this machine (DNS
@@ -16,7 +16,7 @@ from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 MOST_SENT = 1_100_000
@@ -27,6 +27,7 @@ HEADERS = {
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
+    "Cache-Control": "no-store",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -51,33 +52,34 @@ class Guard:
             return
         headers = Headers(scope=scope)
 
+        starts = scope["path"] == "/" and _same(_token(scope), self._token)
+
         async def send_safely(message: Message) -> None:
             if message["type"] == "http.response.start":
                 answered = MutableHeaders(scope=message)
                 answered.update(HEADERS)
-                answered.setdefault("Cache-Control", "no-store")
+                if starts and message["status"] == 200:
+                    cookie = f"{self._cookie}={self._session}; HttpOnly; Path=/; SameSite=Strict"
+                    answered.append("Set-Cookie", cookie)
             await send(message)
 
-        refusal = self._refusal(scope, headers)
+        refusal = self._refusal(scope, headers, starts)
         if refusal is not None:
             await refusal(scope, receive, send_safely)
         else:
             await self._app(scope, _bounded(receive), send_safely)
 
-    def _refusal(self, scope: Scope, headers: Headers) -> Response | None:
-        """Return why a request is not answered, or what starts a session; None if it may pass."""
+    def _refusal(self, scope: Scope, headers: Headers, starts: bool) -> Response | None:
+        """Return why a request is not answered; None if it may pass, as one with the token may."""
         host, origins = headers.getlist("host"), headers.getlist("origin")
         if len(host) != 1 or host[0] not in self._hosts:
             return PlainTextResponse("This address is not the studio's.\n", 421)
         if any(one != f"http://{host[0]}" for one in origins) or (not origins and scope["method"] not in _READING):
             return PlainTextResponse("The studio answers its own pages only.\n", 403)
-        if scope["path"] != "/" and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
+        if starts:  # also from a link elsewhere, which does not send the cookie
+            return None
+        if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
             return PlainTextResponse("The studio answers its own pages only.\n", 403)
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        if scope["path"] == "/" and _same(given, self._token):
-            response = RedirectResponse("/", 303)
-            response.set_cookie(self._cookie, self._session, path="/", httponly=True, samesite="strict")
-            return response
         if not _same(_cookie(headers.get("cookie", ""), self._cookie), self._session):
             return PlainTextResponse("Open the address that `parcours studio` printed: it holds the token.\n", 403)
         if int(_digits(headers.get("content-length", "0"))) > MOST_SENT:
@@ -86,6 +88,11 @@ class Guard:
 
 
 _READING = ("GET", "HEAD")
+
+
+def _token(scope: Scope) -> str:
+    query = bytes(scope["query_string"]).decode("latin-1")
+    return parse_qs(query).get("token", [""])[0]
 
 
 def _same(given: str, wanted: str) -> bool:

@@ -118,8 +118,9 @@ async function compare(before, now) {
       return;
     }
     const rows = found.rows.map((row) => [row.name, Number(row.before.toPrecision(4)), Number(row.now.toPrecision(4)),
-      row.low === null ? "" : `[${row.low.toPrecision(3)}, ${row.high.toPrecision(3)}]`,
-      row.p_value === null ? "" : Number(row.p_value.toPrecision(3)), row.worse ? el("span", { class: "bad" }, "worse") : "", row.flipped.join(", ")]);
+      row.low === null ? "" : el("span", { class: "range" }, `[${row.low.toPrecision(3)}, ${row.high.toPrecision(3)}]`),
+      row.p_value === null ? "" : Number(row.p_value.toPrecision(3)), row.worse ? el("span", { class: "bad" }, "worse") : "",
+      row.flipped.length ? el("details", {}, el("summary", {}, String(row.flipped.length)), row.flipped.join(", ")) : 0]);
     main.append(table(`On the ${found.shared} cases that both have`, ["measure", "before", "now", "difference, 95 %", "p", "", "cases that flipped"], rows));
   });
 }
@@ -386,6 +387,7 @@ async function route() {
   }
 }
 
+if (location.search) history.replaceState(null, "", location.pathname + location.hash); // the token, out of sight
 window.addEventListener("hashchange", route);
 try {
   await refresh();
