@@ -271,12 +271,14 @@ def test_signals_end_it_with_its_runs_and_streams(tmp_path: Path) -> None:
         "def trace(case):\n    pass\n"
     )
     server = start(tmp_path)
-    run = server.api("POST", "run", path="parking/study.yaml", cases="2")["run"]
-    stream = events(server, run)
-    next(stream)
-    assert server.api("GET", "state", run=run)["running"]
-    assert server.refused("POST", "run", path="parking/study.yaml") == "studio-running"
-    server.process.send_signal(signal.SIGINT)
+    try:
+        run = server.api("POST", "run", path="parking/study.yaml", cases="2")["run"]
+        stream = events(server, run)
+        next(stream)
+        assert server.api("GET", "state", run=run)["running"]
+        assert server.refused("POST", "run", path="parking/study.yaml") == "studio-running"
+    finally:
+        server.process.send_signal(signal.SIGINT)
     assert server.process.wait(20) == 0
     assert list(stream) == []
     ours = [path for path in Path("/proc").glob("[0-9]*/cmdline") if str(tmp_path).encode() in _read(path)]
