@@ -70,20 +70,20 @@ class Journal:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._closing = contextlib.ExitStack()
-        self._closing.enter_context(claimed(folder))
         self._path = folder / CASES
         self.done: dict[str, dict[str, object]] = {}
         whole = 0
-        try:
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(claimed(folder))
             for key, entry, end in _entries(self._path):
                 self.done[key] = entry
                 whole = end
-            self._file = self._closing.enter_context(self._path.open("ab"))
-            self._file.truncate(whole)
-        except BaseException as error:
-            self._closing.close()
-            raise (unwritable(folder, error) if isinstance(error, OSError) else error) from error
+            try:
+                self._file = opened.enter_context(self._path.open("ab"))
+                self._file.truncate(whole)
+            except OSError as error:
+                raise unwritable(folder, error) from error
+            self._closing = opened.pop_all()
 
     def add(self, key: str, entry: Mapping[str, object]) -> None:
         """Keep the result of a case: it is on the disk when this returns."""
