@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from parcours.study.protocol import Results
 
 FILE = "results.json"
-_FORMAT = "ros/1"
+_FORMAT = "ros/2"
 SYSTEM = "system"
 """What stands for the abstract case in the id of a system case; its row is the number of the case."""
 
@@ -121,7 +121,7 @@ class RosStudy:
         require_writable(out)
         decides = {one.name: settings[one.name] for one in self.parameters if one.decides}
         decides["faults"] = str(read_plan(str(settings["faults"]))) if settings["faults"] else ""
-        question = {"seed": request.seed, "settings": decides, "files": dict(self.digests)}
+        question = {"form": _FORMAT, "seed": request.seed, "settings": decides, "files": dict(self.digests)}
         write_question(out, self.name, self.where, question)
         planned = len(ids) + len(timing)
         write_atomically(out / FILE, (json.dumps({"parcours": _FORMAT, "planned": planned}) + "\n").encode())
