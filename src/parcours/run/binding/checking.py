@@ -28,6 +28,7 @@ def findings(binding: Binding) -> list[Finding]:
     check.nodes()
     check.channels()
     check.services()
+    check.actions()
     check.timing()
     check.system()
     check.stack()
@@ -168,10 +169,34 @@ class _Check:
                 rule = f"service {address} must have one server, but is bound as of {first[address]} and of {server}"
                 self.add(channels[0].line, "binding-service", rule, "is 'part' of one of them wrong?")
             words = [channel.part for channel in channels]
+            if channels[0].action:  # each of its services stands for one channel
+                continue
             if words.count("request") != 1 or words.count("response") > 1:
                 rule = f"service {address} from {client} to {server} must have one request and at most one response"
                 said = f"{rule}, but has {words.count('request')} and {words.count('response')}"
                 self.add(channels[0].line, "binding-service", said, "bind both directions of the service in the model")
+
+    def actions(self) -> None:
+        goals = {one.address.rpartition("/_action/")[0] for one in self.binding.channels if one.action == "goal"}
+        for channel in self.binding.channels:
+            if not channel.action:
+                continue
+            if self.binding.transport != "ros2":
+                rule = f"only ros2 has actions, but 'transport' is {self.binding.transport}"
+                self.add(channel.line, "binding-action-part", rule, "bind its topics")
+            elif (action := channel.address.rpartition("/_action/")[0]) not in goals:
+                rule = f"an action begins with a goal, but no channel is bound to that of {action}"
+                self.add(channel.line, "binding-action-part", rule, "bind one with part: goal")
+            modelled = self.modelled.get(channel.name)
+            for other in self.binding.channels if modelled is not None else ():
+                there = self.modelled.get(other.name)
+                if other.action != "goal" or there is None or other.address.rpartition("/_action/")[0] != action:
+                    continue
+                way = (there.sender, there.receiver) if channel.action == "cancel" else (there.receiver, there.sender)
+                if channel.action != "goal" and (modelled.sender, modelled.receiver) != way:
+                    rule = f"the {channel.action} of {action} must go from {way[0]} to {way[1]}"
+                    said = f"{rule}, but {channel.name!r} goes from {modelled.sender} to {modelled.receiver}"
+                    self.add(channel.line, "binding-action-part", said, f"line {other.line} binds its goal")
 
     def prefixed(self, formula: Formula, what: str) -> None:
         """Places outside a channel's own section name their channel first."""

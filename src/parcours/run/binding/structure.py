@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 from parcours.model.documents import Node as Tree
 from parcours.model.structure import Cefsm
+from parcours.run.binding.actions import ActionPart
 from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import Place
 
@@ -105,6 +106,7 @@ class BoundChannel:
         inject: how the tester makes its messages.
         answer: who answers calls of a service that are no part of an abstract case: the tester, or a node run for it.
         ends: the nodes that send and receive it, for role `between` only.
+        action: which part of an action of ROS 2 it is, if it is one.
     """
 
     name: str
@@ -123,6 +125,7 @@ class BoundChannel:
     inject: Injection | None = None
     answer: Literal["tester", "node"] = "tester"
     ends: tuple[str, str] = ("", "")
+    action: ActionPart = ""
     line: int = field(default=0, compare=False)
 
 

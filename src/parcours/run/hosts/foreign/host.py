@@ -13,9 +13,11 @@ from typing import Self
 from parcours.errors import BadRequest
 from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, compile_binding
+from parcours.run.binding.actions import STATUS, WIRE
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
+from parcours.run.binding.structure import BoundChannel
 from parcours.run.hosts.foreign.graph import Caller, End, ForeignGraph, Sender, open_graph
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.graph_line import Reply
@@ -148,7 +150,26 @@ class ForeignHost:
             else:
                 hear = functools.partial(self._heard, spoke.address)
                 self._listeners[spoke.address] = self.graph.subscribe(spoke.address, spoke.type, hear)
+        for goal in (one for one in self.binding.channels if one.action == "goal"):
+            client, server = (self.binding.process_of(end) for end in self.binding.ends(goal.name))
+            if client is not None and all(slot.node is not server for slot in slot_plan.slots):
+                self._attach_rest(goal)
         self.graph.spin(0)
+
+    def _attach_rest(self, goal: BoundChannel) -> None:
+        """Offer what is not bound of an action that no node serves: its clients wait until all of it is there."""
+        front, base = goal.address.rpartition("/")[0], goal.type.removesuffix("_SendGoal")
+        bound = {one.address for one in self.binding.channels}
+        done = self.graph.types.packed(self.graph.types.create("action_msgs/CancelGoalResponse"))
+        for end, kind in ((end, kind.format(base)) for end, kind in (STATUS, *(one[:2] for one in WIRE.values()))):
+            address = f"{front}/{end}"
+            if address in bound:
+                continue
+            if end in ("status", "feedback"):
+                self.graph.publish(address, kind, queue=1, latch=False)
+            else:
+                answer = done if end == "cancel_goal" else None
+                self.graph.serve(address, kind, lambda data, reply, answer=answer: reply(answer))  # type: ignore[misc]
 
     def detach(self) -> None:
         """Hear nothing; calls are refused."""
