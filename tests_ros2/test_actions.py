@@ -1,4 +1,4 @@
-"""Actions as channels of a model: between two nodes, from the tester, and to it."""
+"""Actions as channels of a model: between two nodes, from the tester, and to it; on the tester's time."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from parcours.errors import BadRequest
 from parcours.run.binding import Binding, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.slots import whole
@@ -62,9 +63,27 @@ def test_goals_feedback_results_and_cancellations_pass_between_two_nodes(tmp_pat
         [done] = [one.payload for one in session.relay.events if (one.kind, one.channel) == ("receive", "done")]
         said = Decoder(host.binding, host.graph.types).message("done", done.content)  # type: ignore[attr-defined]
     assert (said.point.x, said.point.y) == (SUCCEEDED if ending == "arrived" else CANCELED, 7.0)
+    assert 1 <= said.header.stamp.sec < 1_000_000, "nodes take their time from the tester"
     way = [one.channel for one in session.relay.events if one.kind == "receive"]
     called_back = ["cancel"] if ending == "stop" else []
     assert way == ["order", "goal", "left", ending, *called_back, "result", "done"]
+
+
+WRONG = {
+    "no goal": ("    part: goal", "    part: feedback", "no channel is bound to that of /errand"),
+    "wrong way": (
+        "    part: feedback",
+        "    part: cancel",
+        r"must go from Dispatcher to Driver, but 'left' goes from Driver",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_parts_of_an_action_belong_to_a_goal_and_go_its_way(wrong: str) -> None:
+    old, new, said = WRONG[wrong]
+    with pytest.raises(BadRequest, match=said):
+        parse_binding(ERRAND.read_text().replace(old, new), str(ERRAND))
 
 
 @pytest.mark.parametrize("absent", ["", "Dispatcher", "Driver"])

@@ -283,6 +283,8 @@ def test_nodes_that_are_led_by_a_clock_have_no_timing() -> None:
     timing = "\ntiming: {reaction: {from: scan, to: command, bound: every < 1 s}}\n"
     with pytest.raises(BadRequest, match=r"led by /clock.*clock-domains"):
         parse_binding(stack.read_text() + timing, str(stack))
+    with pytest.raises(BadRequest, match=r"to a stack by its own section, but 'clock' is given.*binding-clock"):
+        parse_binding(stack.read_text() + "\nclock: 100 Hz\n", str(stack))
 
 
 def test_a_chain_that_was_timed_is_kept_and_drawn(binding: Binding, tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ class Dispatcher(Node):
     def on_result(self, future):
         """Say how it ended, and how far it was at last."""
         message = PointStamped()
+        message.header.stamp = self.get_clock().now().to_msg()
         message.point.x, message.point.y = float(future.result().status), self.left
         self.done.publish(message)
 

@@ -132,7 +132,8 @@ class AbstractDrive:
             self._background.say(now)
             if now >= begin:
                 self._grant(now)
-            session.poll(session.now() + (_GLANCE if self._is_awaited() else 5_000_000))
+            session.is_clock_held = self._is_awaited()
+            session.poll(session.now() + (_GLANCE if session.is_clock_held else 5_000_000))
             self._judge.watch.quiet(session.horizon)
             self._expire(session.now())
         self._thaw(all_of_them=True)

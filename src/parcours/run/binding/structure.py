@@ -236,6 +236,8 @@ class Binding:
     warm_up: int = 10
     system: System | None = None
     stack: Stack | None = None
+    clock: float = 0.0
+    """How often the tester says on /clock what time it is [s]; 0 if it does not."""
     constants: tuple[tuple[str, Constant], ...] = ()
     data: tuple[str, ...] = ()
     """The names of the test inputs that formulas may use."""

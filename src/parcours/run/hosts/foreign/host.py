@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from parcours.errors import BadRequest
 from parcours.filenames import file_name
@@ -22,6 +22,8 @@ from parcours.run.hosts.foreign.graph import Caller, End, ForeignGraph, Sender, 
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.recording import Raw
+
+_CLOCK = "rosgraph_msgs/Clock"
 
 Owner = tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]
 """What is called with messages and requests that come on a spoke."""
@@ -56,6 +58,7 @@ class ForeignHost:
         self._like: dict[str, str] = {}
         self._kinds: dict[str, Raw] = {}
         self._compiled: Compiled | None = None
+        self._entered = time.perf_counter_ns()
 
     def compile(self) -> Compiled:
         """Return the binding compiled for the types that are known by now. Raises BadRequest if it does not fit."""
@@ -85,6 +88,16 @@ class ForeignHost:
         """End the processes, and leave the graph."""
         self.stop(list(self.running))
         self.graph.close()
+
+    def tell_time(self) -> None:
+        """Say on /clock how long the tester has been here, from 1 s on: 0 means that there is no time yet."""
+        made: Any = self.graph.types.create(_CLOCK)
+        made.clock.sec, made.clock.nanosec = divmod(
+            time.perf_counter_ns() - self._entered + 1_000_000_000, 1_000_000_000
+        )
+        end = self.graph.publish("/clock", _CLOCK, queue=10, latch=False)
+        if end is not None:
+            end.send(self.graph.types.packed(made))
 
     # Processes.
 
