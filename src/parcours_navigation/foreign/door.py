@@ -323,8 +323,9 @@ class RosStudy:
 
 
 def _is_own(binding: Binding, master: object, network: object) -> bool:
-    """Return whether master and nodes run in a network of their own."""
-    return not master and not binding.master and network == "own"
+    """Return whether master and nodes run in a network of their own: one that the user starts is never there."""
+    is_all_ours = all(node.is_ours for node in binding.nodes)
+    return is_all_ours and not master and not binding.master and network == "own"
 
 
 def check_types(binding: Binding, *, others: bool = False) -> None:
