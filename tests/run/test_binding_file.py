@@ -192,6 +192,13 @@ BAD = [
         "a stack is driven on ros2",
         "binding-stack",
     ),
+    (
+        "{command: [./server]}",
+        "{running: true, ros_node: /s, realtime: true}",
+        8,
+        "says 'realtime: true'",
+        "binding-start",
+    ),
     ("[./planner], r", "[./planner], life: active, r", 7, "only nodes of ros2 have a life", "binding-life"),
     ("[./wheels]", "[./wheels], life: active", 9, "must say how to ask it", "missing-key"),
     ("name: pair", "name: &a pair", 2, "no anchors or aliases", "yaml-alias"),

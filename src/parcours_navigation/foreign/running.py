@@ -6,6 +6,7 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from parcours.errors import HostFailure
@@ -21,7 +22,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive
 from parcours_navigation.foreign.cases import AbstractScene, find_scenes
 from parcours_navigation.foreign.isolation import Order
-from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
+from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge, excused
 from parcours_navigation.foreign.quiescence import proposals
 from parcours_navigation.foreign.recorded import Tape, recording_place
 from parcours_navigation.foreign.results import Result
@@ -241,13 +242,18 @@ class ForeignStudy:
                     else:
                         meter.sample(repeats)
                 noise = meter.noise()
+                running = self._host.running.values()
+                scheduling = {slot.name: process.rule for slot, process in running if slot.node.realtime}
         finally:
             session.end()
         for span in self._spans:
             names = steps(binding, span) if span.through else ()
             for one, chain in timed(span, took[span.name], binding.warm_up, noise, names):
+                judgement = excused(one.judgement, scheduling)
+                one = replace(one, judgement=judgement)
                 id = f"timing/{span.name}/{one.bound}"
-                yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one, chain=chain)
+                judged = Judged(judgement, scheduling=tuple(scheduling.items()))
+                yield Result(id, "timing", judged, time.monotonic() - began, timing=one, chain=chain)
 
 
 def check_live(host: ForeignHost) -> list[str]:

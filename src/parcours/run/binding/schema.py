@@ -108,6 +108,7 @@ class PartReader(QuantityReader):
             "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
             "timeout": (self.duration, parts.START), "after": (self.identifiers, ()), "stop": (self.duration, 2.0),
             "restart": (self.choice("every-case", "when-dead"), "every-case"), "life": (self.choice(*LIVES), ""),
+            "realtime": (self.boolean, False),
         }  # fmt: skip
         said = self.section(node, what, table)
         running, timeout, life = said.pop("running"), said.pop("timeout"), said.pop("life")
@@ -120,6 +121,9 @@ class PartReader(QuantityReader):
         if running and not said["ros_node"]:
             rule = f"{what} is not started here, so 'ros_node' must say by what name it is seen, but it is missing"
             self.add(node, "missing-key", rule, "add e.g. ros_node: /planner")
+        if running and said["realtime"]:
+            rule = f"{what} is not started here, so it cannot be given real time, but it says 'realtime: true'"
+            self.add(node, "binding-start", rule, "start it with chrt, or delete it")
         if running and said["remap"]:
             rule = f"{what} is not started here, so no arguments can be appended, but it says 'remap: true'"
             remedy = "remap it yourself, and say 'out' and 'in' of its channels"

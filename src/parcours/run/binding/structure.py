@@ -50,7 +50,7 @@ class Process:
 
     An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
     tells whether it obeys remapping arguments that are appended to its command. It is started when the nodes `after`
-    are ready, asked to stop, and ended after `stop` [s].
+    are ready, asked to stop, and ended after `stop` [s]. `realtime` asks for it to run before all ordinary processes.
     """
 
     name: str
@@ -64,6 +64,7 @@ class Process:
     after: tuple[str, ...] = ()
     restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
+    realtime: bool = False
     line: int = field(default=0, compare=False)
 
     @property

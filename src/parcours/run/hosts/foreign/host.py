@@ -21,6 +21,7 @@ from parcours.run.binding.structure import BoundChannel
 from parcours.run.hosts.foreign.graph import Caller, End, ForeignGraph, Sender, open_graph
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.graph_line import Reply
+from parcours.run.hosts.scheduling import NODE_PRIORITY
 from parcours.run.recording import Raw
 
 _CLOCK = "rosgraph_msgs/Clock"
@@ -112,7 +113,8 @@ class ForeignHost:
             env = {**os.environ, **self.graph.environment, **dict(node.env)}
             log = self.folder / f"{file_name(slot.name)}.log"
             command = (*node.command, *self.graph.arguments(slot))
-            process = KeptProcess(slot.name, command, node.cwd, env, log)
+            priority = NODE_PRIORITY if node.realtime else 0
+            process = KeptProcess(slot.name, command, node.cwd, env, log, priority=priority)
             self.running[slot.name] = slot, process
             self.graph.watch(process.descriptor, functools.partial(self._look, process))
         for slot in fresh:

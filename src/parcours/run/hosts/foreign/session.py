@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import cast
 
 from parcours.errors import HostFailure
-from parcours.run.binding.passing import BEGINS, STALLED
+from parcours.run.binding.passing import BEGINS, SCHEDULED, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.faults import FaultPlan
@@ -111,6 +111,9 @@ class Session:
         self._watch_others()
         self.case_began = self.relay.case_began = self.now()
         self.relay.note(BEGINS)
+        for slot, process in self._processes():
+            for component in slot.node.components if slot.node.realtime else ():
+                self.relay.note(SCHEDULED + process.rule, slot.component(component))
         for slot in self.slot_plan.slots:
             for component in slot.node.components:
                 self._next_signal(slot, component, signals(self._faults, component))
