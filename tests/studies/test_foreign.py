@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -234,6 +236,13 @@ def test_what_is_not_bound_is_left_out_of_the_model() -> None:
     assert "stopped" not in sent
     assert "command" in sent
     assert "o1" not in {one.id for one in seen.component("Follower").transitions()}
+
+
+def test_a_check_of_a_binding_loads_nothing_that_only_cases_need() -> None:
+    heavy = "{'numba', 'scipy', 'matplotlib', 'parcours.data', 'parcours.abtc', 'parcours.report'}"
+    code = f"import sys, parcours_navigation.foreign.checking; print(*({heavy} & set(sys.modules)))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.split() == []
 
 
 def test_the_robot_is_driven_by_commands_until_they_run_out(binding: Binding) -> None:

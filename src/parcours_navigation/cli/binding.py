@@ -27,7 +27,7 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
     """
     from parcours.errors import HostFailure
     from parcours.run.binding import check_binding, read_binding
-    from parcours_navigation.foreign.door import check_nodes, check_types
+    from parcours_navigation.foreign.checking import check_nodes, check_types
 
     binding = read_binding(file)
     for finding in check_binding(file.read_text(encoding="utf-8"), str(file))[1]:

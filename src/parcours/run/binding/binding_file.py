@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from parcours.data import read_input_model
 from parcours.errors import BadDomain, BadRequest
 from parcours.model.documents import MAX_BYTES, Mapping, Node, read_document
 from parcours.model.finding import Finding, complaint, errors_among
@@ -169,6 +168,8 @@ class _BindingReader(PartReader):
 
     def data(self, node: Node, what: str) -> tuple[tuple[str, ...], str]:
         """Return the names of the inputs of the file that the node names, and the file."""
+        from parcours.data import read_input_model  # which loads what compiles
+
         path = self.path(node, what)
         try:
             return read_input_model(path).names, str(path)
