@@ -61,6 +61,7 @@ def test_check_live_compares_what_is_running_and_names_what_is_not(counter: Path
         if "did you mean '/bill'?" in said.stderr:
             break
     assert (said.returncode, "did you mean '/bill'?" in said.stderr) == (2, True), said.stderr
+    assert "Traceback" not in said.stderr, "the process apart says nothing of being asked to end"
 
 
 def test_a_report_of_it_names_the_case(counter: Path) -> None:
