@@ -291,6 +291,10 @@ class StudyResults:
             rates["duration"] = Measure(np.array(middles), "quantity", "s")
         return rates
 
+    def replayable(self, case: str) -> bool:
+        """Return whether a case can be replayed: functional ones can."""
+        return not case.startswith("timing/")
+
     def replay(self, case: str) -> Page:
         """Return a page on one case, run again."""
         ids = [one.id for one in self.found.results]
