@@ -26,6 +26,7 @@ contracts: $(VENV)/.developer
 	$(BIN)/lint-imports
 
 tests: $(VENV)/.developer
+	.ci/browser
 	$(BIN)/parcours compile --workers 2
 	$(PYTEST) $(GUESTS)
 	$(PYTEST) $(addprefix --ignore=,$(GUESTS))

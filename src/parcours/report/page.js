@@ -48,7 +48,7 @@
     }
     function sort(at, head) {
       const down = head.getAttribute("aria-sort") === "ascending", sign = down ? -1 : 1;
-      for (const other of table.tHead.rows[0].cells) if (other.hasAttribute("aria-sort")) other.setAttribute("aria-sort", "none");
+      for (const one of table.tHead.rows[0].cells) if (one.hasAttribute("aria-sort")) one.setAttribute("aria-sort", "none");
       head.setAttribute("aria-sort", down ? "descending" : "ascending");
       groups.forEach((group, k) => {
         const keyed = rows[k].map((row) => [row.cells[at].textContent, number(row.cells[at].textContent), row]);
@@ -121,16 +121,16 @@
       const style = getComputedStyle(mine[k]);
       for (const name of ["fill", "stroke", "color", "font-family"]) if (/var\(/.test(one.getAttribute("style") ?? "")) one.style[name] = style[name];
     });
-    copy.setAttribute("xmlns", "http:/" + "/www.w3.org/2000/svg");
-    copy.setAttribute("xmlns:xlink", "http:/" + "/www.w3.org/1999/xlink");
-    copy.prepend(make("desc", {}, note));
-    return new XMLSerializer().serializeToString(copy).replaceAll(/<desc xmlns="[^"]*"/g, "<desc");
+    const said = document.createElementNS(svg.namespaceURI, "desc");
+    said.append(note);
+    copy.prepend(said);
+    return new XMLSerializer().serializeToString(copy);
   }
   for (const chart of document.querySelectorAll(".chart, .still")) {
     const svg = chart.querySelector("svg"), title = chart.closest("figure")?.querySelector("h3")?.textContent ?? "figure";
     if (!svg) continue;
     const button = make("button", { type: "button", class: "save", "aria-label": `Save as SVG: ${title}` }, "SVG");
-    button.addEventListener("click", () => save(file(title, "svg"), "image/svg+xml", drawing(svg, chart.getAttribute("aria-label") ?? title)));
+    button.addEventListener("click", () => save(file(title, "svg"), "image/svg+xml", drawing(svg, chart.querySelector("[role=img]")?.getAttribute("aria-label") ?? title)));
     chart.closest(".media, figure").append(button);
   }
 

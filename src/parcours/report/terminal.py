@@ -8,7 +8,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TextIO
 
 from parcours.report.cells import group_spans, shown, sides, text_rows
-from parcours.report.pieces import Animation, Code, Failures, Figure, Findings, KeyFigure, Marked, Page, Table, Text, Tone
+from parcours.report.pieces import (
+    Animation,
+    Code,
+    Failures,
+    Figure,
+    Findings,
+    KeyFigure,
+    Marked,
+    Page,
+    Table,
+    Text,
+    Tone,
+)
 from parcours.report.prose import plain
 
 if TYPE_CHECKING:
@@ -40,8 +52,8 @@ def print_page(page: Page, to: TextIO | None = None) -> None:
     _raw(console, f"{page.title}\n{plain(page.subtitle)}".strip())
     if page.summary is not None:
         one = page.summary
-        said = [f"{one.tested} {one.verdict}", *(f"- {fact}" for fact in one.facts), one.advice]
-        console.print("\n".join(plain(text) for text in said if text), markup=False, highlight=False, soft_wrap=True)
+        parts = [f"{one.tested} {one.verdict}", *(f"- {fact}" for fact in one.facts), one.advice]
+        console.print("\n".join(plain(text) for text in parts if text), markup=False, highlight=False, soft_wrap=True)
     _raw(console, "  ".join(f"{key}: {value}" for key, value in page.facts))
     for section in page.sections:
         _raw(console, "")

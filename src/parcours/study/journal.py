@@ -41,7 +41,8 @@ def write_question(folder: Path, study: str, where: str, question: Mapping[str, 
             remedy = "name another folder, or give --fresh to discard its results and start again"
             raise BadResults(str(folder), rule, remedy, slug="results-other")
         return
-    made = provenance(Path(where.partition(":")[0]) if os.path.exists(where.partition(":")[0]) else None)
+    tested = Path(where.partition(":")[0])
+    made = provenance(tested if tested.exists() else None)
     document = {"parcours": _FORMAT, "study": study, "where": where, "question": ours, "made": made}
     write_atomically(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 

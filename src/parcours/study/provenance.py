@@ -19,15 +19,16 @@ def provenance(where: Path | None = None) -> dict[str, str]:
     """Return what a reader needs to judge results by, made now: date, commit, machine, versions.
 
     Args:
-        where: a file or folder of what is tested; the current folder if None. Its commit is empty outside git.
+        where: a file or folder of what is tested; the current folder if None. Outside git it has no commit.
     """
-    return {
+    found = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "commit": _commit(where or Path.cwd()),
         "machine": _machine(),
         "versions": ", ".join(f"{name} {found}" for name in _PACKAGES if (found := _version(name)))
         + f", Python {platform.python_version()}",
     }
+    return {name: text for name, text in found.items() if text}
 
 
 def texts(kept: object) -> dict[str, str]:
@@ -61,7 +62,7 @@ def _commit(where: Path) -> str:
 def _machine() -> str:
     processor = platform.machine()
     try:
-        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as file:
             named = (line.partition(":")[2].strip() for line in file if line.startswith("model name"))
             processor = next(named, processor)
     except OSError:

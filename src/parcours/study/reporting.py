@@ -59,12 +59,12 @@ def summarised(found: Sequence[FolderSummary]) -> Summary:
         return Summary(tested, "Nothing is known yet: no case is finished.", "poor", (), "Run the study.")
     if failed:
         share = wilson(failed, n)
-        verdict = f"Failed: {failed:,d} of {n:,d} cases did ({percent(share.share)})."
+        verdict = f"It failed {failed:,d} of {n:,d} cases ({percent(share.share)})."
         tone: Tone = "bad"
     elif open_:
-        verdict, tone = f"Undecided: none of {n:,d} cases failed, but {open_:,d} could not be judged.", "poor"
+        verdict, tone = f"It failed none of {n:,d} cases, but {open_:,d} could not be judged.", "poor"
     else:
-        verdict, tone = f"Passed: all {n:,d} cases did.", "good"
+        verdict, tone = f"It passed all {n:,d} cases.", "good"
     facts = [*_commonest(found)]
     if failed and open_ and len(facts) < _FACTS:
         facts.append(f"{open_:,d} cases could not be judged: they count neither as passed nor as failed.")
@@ -81,7 +81,7 @@ def summarised(found: Sequence[FolderSummary]) -> Summary:
 def _tested(one: FolderSummary) -> str:
     doc = one.doc.strip().rstrip(".")
     said = f" ({doc[:200]})" if doc else ""
-    return f"**{_plain(one.study)}**{_plain(said)} was tested as {_plain(one.label)} in {one.n:,d} cases."
+    return f"This run tested **{_plain(one.study)}**{_plain(said)} as *{_plain(one.label)}*."
 
 
 def _plain(text: str) -> str:
@@ -124,11 +124,13 @@ def _advice(found: Sequence[FolderSummary]) -> str:
             if cause.cases and cause.cases[0].commands:
                 words = "Look at" if cause.verdict is Verdict.INCONCLUSIVE else "Start with the worst case of"
                 first = f"{words} [{_plain(cause.words)[:160]}](#failures): `{cause.cases[0].commands[0]}`."
-                return f"{first} After a change run the same command as before into a new folder, and compare the two."
+                return f"{first} After a change, run the study into a new folder, and compare the two folders."
     one = found[0]
     if one.run:
         folder = one.folder
-        return f"Keep the folder as a baseline: `{one.run} --out {folder}-next --baseline {folder}` says what got worse."
+        return (
+            f"Keep the folder as a baseline: `{one.run} --out {folder}-next --baseline {folder}` says what got worse."
+        )
     return ""
 
 
@@ -176,4 +178,3 @@ def _failing(id: str, case: ListedCase, replays: Sequence[str]) -> Failing:
 def replay_anchor(id: str) -> str:
     """Return the anchor of the replay of a case."""
     return f"replay_{plain_anchor(id)}"
-

@@ -44,6 +44,15 @@ class Caused(Protocol):
 
 
 @runtime_checkable
+class Figured(Protocol):
+    """Results that know which figures say most of a case."""
+
+    @property
+    def telling(self) -> Sequence[str]:
+        """Names of `measures`; by the first of them cases are worst."""
+
+
+@runtime_checkable
 class Unrepeatable(Protocol):
     """Results whose cases, or some of them, cannot be replayed."""
 
@@ -103,7 +112,7 @@ def sum_up(study: Study, folder: str, results: Results) -> FolderSummary:
     verdicts = list(verdicts_of(results))
     made, seed, command = _asked(study, Path(folder))
     found = noted(Path(folder))
-    figures = _telling(results.measures(), len(verdicts))
+    figures = _telling(results, verdicts)
     causes = _causes(results, verdicts, figures, folder, command)
     return FolderSummary(
         folder, study.name, study.doc, results.label, results.planned, Counter(verdicts), causes,
@@ -115,7 +124,7 @@ def sum_up(study: Study, folder: str, results: Results) -> FolderSummary:
 def worst_cases(results: Results, most: int) -> list[str]:
     """Return the id of the worst case of each of the first causes of failures."""
     verdicts = list(verdicts_of(results))
-    found = _causes(results, verdicts, _telling(results.measures(), len(verdicts)), "", "")
+    found = _causes(results, verdicts, _telling(results, verdicts), "", "")
     return [one.cases[0].result.id for one in found if one.cases and one.verdict is not Verdict.INCONCLUSIVE][:most]
 
 
@@ -138,20 +147,28 @@ def _asked(study: Study, folder: Path) -> tuple[Mapping[str, str], int | None, s
     return texts(document.get("made")), seed if isinstance(seed, int) else None, shlex.join(words)
 
 
-def _telling(measures: Mapping[str, Measure], n: int) -> dict[str, Measure]:
-    """Return the first figures of which one way is worse, and that most cases have."""
-    found = {
-        name: one
-        for name, one in measures.items()
-        if one.kind == "quantity" and one.worse and len(one.values) == n and n and np.isfinite(one.values).mean() > 0.5
-    }
+def _telling(results: Results, verdicts: Sequence[Verdict]) -> dict[str, Measure]:
+    """Return figures of which one way is worse: those that most cases have that did not pass, and that differ there."""
+    failing = np.array([one is not Verdict.PASS for one in verdicts], bool)
+    if not failing.any():
+        return {}
+    measures = results.measures()
+    found: dict[str, Measure] = {}
+    for name in results.telling if isinstance(results, Figured) else measures:
+        one = measures.get(name)
+        if one is None or one.kind != "quantity" or not one.worse or len(one.values) != len(failing):
+            continue
+        known = np.asarray(one.values)[failing]
+        known = known[np.isfinite(known)]
+        if 2 * len(known) > failing.sum() and np.ptp(known) > 0.0:
+            found[name] = one
     return dict(list(found.items())[:_FIGURES])
 
 
 def _causes(
     results: Results, verdicts: Sequence[Verdict], figures: Mapping[str, Measure], folder: str, command: str
 ) -> tuple[CauseFound, ...]:
-    """Return the causes, failures first and the commonest of them before the others, and list the worst cases of each."""
+    """Return the causes, failures first, the commonest of them before the others, with the worst cases of each."""
     places = [k for k, one in enumerate(verdicts) if one is not Verdict.PASS]
     if not places:
         return ()

@@ -227,7 +227,7 @@ def explained(record: np.void, requirements: Requirements) -> str:
     return "; ".join([*said, ended])
 
 
-def violations(facts: Facts, requirements: Requirements) -> list[str]:
+def shared_reasons(facts: Facts, requirements: Requirements) -> list[str]:
     """Return for each case which requirements it violates and which rules it fails by, in words that cases share."""
     said: list[list[str]] = [[] for _ in facts]
     if not requirements:

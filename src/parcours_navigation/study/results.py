@@ -23,12 +23,26 @@ from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.facts import UNITS
 from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
-from parcours_navigation.requirements.judging import RATES, explained, finite_robustness, own_values, rates, verdicts, violations
+from parcours_navigation.requirements.judging import (
+    RATES,
+    explained,
+    finite_robustness,
+    own_values,
+    rates,
+    shared_reasons,
+    verdicts,
+)
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
-from parcours_navigation.study.outcome_tables import OUTCOME_WORDS, error_table, measure_table, outcome_figure, outcome_table
+from parcours_navigation.study.outcome_tables import (
+    OUTCOME_WORDS,
+    error_table,
+    measure_table,
+    outcome_figure,
+    outcome_table,
+)
 from parcours_navigation.study.still import animation
 
 _REPLAYS = 3  # on a page on one folder
@@ -62,11 +76,13 @@ class CampaignResults:
         """Return the verdicts of `cases`, without their reasons."""
         return verdicts(self.found.facts, self.found.requirements)
 
+    telling = ("min_clearance", "time_halted", "time_at_rest")
+
     def causes(self) -> Sequence[str]:
         """Return the outcome of each case that did not pass, or what was required of it in vain."""
         facts, asked = self.found.facts, self.found.requirements
         words = {int(one): text for one, text in OUTCOME_WORDS.items()}
-        required = violations(facts, asked)
+        required = shared_reasons(facts, asked)
         return [
             "" if verdict is Verdict.PASS
             else _reason(facts[k]) if code == Outcome.ERROR
