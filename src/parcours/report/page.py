@@ -90,17 +90,17 @@ def _template() -> Template:
     return environment.from_string(_file("page.html"))
 
 
-def _cells(row: tuple[Cell, ...], columns: tuple[Column, ...]) -> list[tuple[str, str, str]]:
-    """Return text, tone and reason of each cell of a row."""
+def _cells(row: tuple[Cell, ...], columns: tuple[Column, ...]) -> list[tuple[str, str, str, str]]:
+    """Return text, tone, reason and link of each cell of a row."""
     return [
-        (shown(cell, column), *((cell.tone, cell.why) if isinstance(cell, Marked) else ("", "")))
+        (shown(cell, column), *((cell.tone, cell.why, cell.link) if isinstance(cell, Marked) else ("", "", "")))
         for cell, column in zip(row, columns, strict=True)
     ]
 
 
 def _listed(
     piece: Failures, numbers: Iterator[int], anchors: Iterator[str]
-) -> Iterator[tuple[str, Cause, list[tuple[str, Failing, list[tuple[str, str, str]]]]]]:
+) -> Iterator[tuple[str, Cause, list[tuple[str, Failing, list[tuple[str, str, str, str]]]]]]:
     """Yield each cause with its anchor and its cases, each with an anchor and its cells: the verdict, then figures."""
     columns = (Column("verdict"), *piece.columns)
     for cause in piece.causes:
@@ -113,7 +113,7 @@ def _adopted(figure: Figure, number: int) -> Markup:
     svg = _bare(figure.svg)
     prefix = f"f{number}-"
     svg = re.sub(r'(?<=\sid=")', prefix, svg)
-    svg = re.sub(r'(?<=url\(#)|(?<=href="#)', prefix, svg)
+    svg = re.sub(r'(?<=url\(#)|(?<=href="#)(?!taken_)', prefix, svg)
     return Markup(svg)
 
 

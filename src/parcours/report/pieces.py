@@ -25,11 +25,12 @@ Floats: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """A cell to look at: a value with a tone, and optionally why (shown when pointed at)."""
+    """A cell to look at: a value with a tone, and optionally why (shown when pointed at), and where on the page to."""
 
     value: str | int | float | None
     tone: Tone = "poor"
     why: str = ""
+    link: str = ""
 
 
 Cell: TypeAlias = str | int | float | Marked | None
@@ -76,6 +77,7 @@ class Table:
         rows: one tuple of cells a row, as many as there are columns.
         note: small print below it: source, what is reconstructed; may use the marks of Text.
         folded: whether a page shows only its title until it is opened.
+        anchors: of its rows, by which links find them; empty if none does.
 
     Raises:
         BadRequest: a row has more or fewer cells than there are columns.
@@ -89,6 +91,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     folded: bool = False
+    anchors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, 1):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Figure, Page, Section, Table
+from parcours.report.pieces import Column, Figure, Page, Piece, Section, Table
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
@@ -251,9 +251,9 @@ class StudyResults:
 
     def __init__(
         self, study: str, found: ComponentResults, replay: Callable[[str], Page], checks: Sequence[str] = (),
-        landed: Glance | None = None,
+        landed: Glance | None = None, painted: Callable[[str], Sequence[Piece]] | None = None,
     ) -> None:  # fmt: skip
-        self._landed = landed
+        self._landed, self._painted = landed, painted
         self.study, self.found, self._replay, self.checks = study, found, replay, checks
         self.label = found.host
         self.planned = found.planned
@@ -261,6 +261,10 @@ class StudyResults:
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
         return [one.junit() for one in self.found.results]
+
+    def machines(self, where: str) -> Sequence[Piece]:
+        """Return the machines, painted by what cases took of them; nothing if the model is not known."""
+        return self._painted(where) if self._painted is not None else ()
 
     def landing(self, title: str) -> Table | None:
         """Return how many blocks of test data reached a component, and which did not; None if that is not known."""
