@@ -243,8 +243,9 @@ class _Picture:
             f'fill="{_INK}">{_safe(title)}</text>'
         )
         shapes = "\n".join([heading, *self.under, *self.over])
+        role = "group" if any(paint.anchor for paint in self.painted.values()) else "img"
         return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{_safe(title)}" '
+            f'<svg xmlns="http://www.w3.org/2000/svg" role="{role}" aria-label="{_safe(title)}" '
             f'viewBox="{left:.1f} {top:.1f} {wide:.1f} {high:.1f}" width="{wide:.0f}" height="{high:.0f}" '
             f'font-family="system-ui, -apple-system, Segoe UI, sans-serif" font-size="13">\n'
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{high:.1f}" rx="8" '

@@ -209,7 +209,7 @@ def _worst(places: list[int], figures: Mapping[str, Measure]) -> list[int]:
     return [places[k] for k in order]
 
 
-_NUMBER = re.compile(r"\(?[-+−]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?(?:, ?[-+−]?\d+(?:\.\d+)?\))?")
+_NUMBER = re.compile(r"(?<![\w#])\(?[-+−]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?(?:, ?[-+−]?\d+(?:\.\d+)?\))?")
 
 
 def _shared(why: str) -> str:

@@ -127,7 +127,9 @@ class CampaignResults:
             pieces += _trace_pieces(self.study.traced(given, self.settings))
         verdict = f"{outcome.verdict}: {outcome.why}"
         heads = (("study", self.study.name), ("campaign", self.label), ("case", id), ("seed", str(self.seed)))
-        return Page(id, verdict, heads, (Section(verdict, "Simulated again from the case's number.", tuple(pieces)),))
+        return Page(
+            id, verdict, heads, (Section("What happened", "Simulated again from the case's number.", tuple(pieces)),)
+        )
 
     def _values(self, title: str, values: Mapping[str, Scalar]) -> Table:
         units = {name: "" if unit == "1" else unit for name, unit in self.study.units.items()}

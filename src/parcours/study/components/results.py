@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Figure, Page, Piece, Section, Table
+from parcours.report.sequences import sequence_chart
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
@@ -23,6 +25,7 @@ from parcours.run.port import Reported
 from parcours.run.trace import SHOWN, Trace
 from parcours.study.components.executing import Functional, Timing
 from parcours.study.components.landing import Glance
+from parcours.study.components.sequence import steps_of
 from parcours.study.protocol import Measure
 from parcours.suite import Case
 from parcours.verdict.contracts import judged
@@ -38,6 +41,8 @@ _NOTES = {
     PER_CASE: "All visits of a component were one instance per case; when timed, each was an instance of its own.",
 }
 _LONG = 200  # characters of a message that are shown
+_AT = re.compile(r"\bevent \d+, |(?<=\w)#\d+|, after [^;]*$|, after [^;]*(?=;)|; held back: [^;]*")
+_CAUSE = 200  # characters of a cause
 _LONGEST = 2_000  # characters of a reason that are kept
 
 
@@ -295,6 +300,15 @@ class StudyResults:
             rates["duration"] = Measure(np.array(middles), "quantity", "s")
         return rates
 
+    def causes(self) -> Sequence[str]:
+        """Return why each case did not pass, without the place in its order and the number of the instance."""
+        return ["" if one.verdict == "pass" else _AT.sub("", one.why.partition("; then: ")[0])[:_CAUSE]
+                for one in self.found.results]  # fmt: skip
+
+    def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
+        """Return the cases at these places."""
+        return [self.found.results[k].junit() for k in places]
+
     def replayable(self, case: str) -> bool:
         """Return whether a case can be replayed: functional ones can."""
         return not case.startswith("timing/")
@@ -315,12 +329,15 @@ def page_of(study: str, case: Case, judgement: Judgement, trace: Trace) -> Page:
     heads = (Column("time", ",d", unit="us"), Column("component"), Column("event"))
     columns = (*heads, Column("what", code=True), Column("message", code=True))
     note = "In simulated time an event takes a millisecond: the order counts, not the duration."
+    chart = "Who sent what to whom; dashed: held back until its turn in the case came. Orange: where it went wrong."
     pieces = (
+        sequence_chart("What happened, as a chart", steps_of(trace), chart),
         Table("Test inputs", (Column("input"), Column("value", ".6g")), values),
         Table("What happened", columns, event_rows(trace), note),
     )
-    section = Section(f"{judgement.verdict}: {judgement.why}", "Executed again, in simulated time.", pieces)
-    return Page(case.id, section.title, (("study", study), ("case", case.id)), (section,))
+    section = Section("What happened", "Executed again, in simulated time.", pieces)
+    said = f"{judgement.verdict}: {judgement.why}"
+    return Page(case.id, said, (("study", study), ("case", case.id)), (section,))
 
 
 def event_rows(trace: Trace) -> tuple[tuple[str | int, ...], ...]:
