@@ -17,6 +17,7 @@ from parcours.errors import BadResults
 from parcours.run.atomic import require_writable, unwritable, write_atomically
 from parcours.run.claiming import claimed
 from parcours.run.store import differences
+from parcours.study.provenance import provenance
 
 RUN = "run.json"
 CASES = "cases.jsonl"
@@ -40,12 +41,14 @@ def write_question(folder: Path, study: str, where: str, question: Mapping[str, 
             remedy = "name another folder, or give --fresh to discard its results and start again"
             raise BadResults(str(folder), rule, remedy, slug="results-other")
         return
-    document = {"parcours": _FORMAT, "study": study, "where": where, "question": ours}
+    tested = Path(where.partition(":")[0])
+    made = provenance(tested if tested.exists() else None)
+    document = {"parcours": _FORMAT, "study": study, "where": where, "question": ours, "made": made}
     write_atomically(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_question(folder: Path) -> dict[str, object]:
-    """Return the document that `write_question` wrote: study, where, question.
+    """Return the document that `write_question` wrote: study, where, question; made, by what and when.
 
     Raises BadResults: there is none, or it is damaged.
     """

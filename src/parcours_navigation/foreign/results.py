@@ -131,6 +131,10 @@ class RosResults:
             "length": Measure(np.array([one.seconds for one in self.found]), "quantity", "s", ""),
         }
 
+    def replayable(self, case: str) -> bool:
+        """Return that none can be replayed."""
+        return False
+
     def replay(self, case: str) -> Page:
         """Refuse: what ran in real time is judged again from its recording."""
         rule = f"case {case} ran in real time, which does not come again"
