@@ -17,7 +17,7 @@ from parcours.cli.options import PATH, as_json, count, named_study, print_json
 @named_study
 @as_json
 def command(folder: Path, case: str, out: Path, runs: int, study: str, as_json: bool) -> None:
-    """Make a failing CASE of the campaign in FOLDER small: the fewest things that move, the shortest time, round numbers.
+    """Make a failing CASE of the campaign in FOLDER small: few things that move, a short time, round numbers.
 
     What stays fails for the same cause. Written are the case as a file, a pytest file that fails as long as the case
     does, and a run of it for `parcours replay`. The same case gives the same files.

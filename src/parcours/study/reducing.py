@@ -1,4 +1,4 @@
-"""A failing case as data into a smaller one that fails for the same cause: items left out, times shorter, numbers round.
+"""A failing case as data into a smaller one that fails for the same cause: fewer items, shorter times, round numbers.
 
 Data is a tree of mappings, lists, numbers and texts, as a YAML file holds it. Items are left out by delta debugging
 (Zeller, Hildebrandt, IEEE TSE 2002), list by list from the root (Misherghi, Su, ICSE 2006). The budget is a number of
@@ -28,6 +28,7 @@ class Shape:
     lists: tuple[str, ...] = ()  # keys of lists whose items may be left out
     optional: tuple[str, ...] = ()  # keys that may be left out
     times: tuple[Path, ...] = ()  # numbers that are to be small
+    zero: tuple[str, ...] = ()  # keys of numbers that may become 0
     fixed: tuple[str, ...] = ()  # keys under which nothing changes
 
 
@@ -56,7 +57,9 @@ def reduce(data: Data, fails: Callable[[Data], bool], shape: Shape, budget: int)
 
     >>> shape = Shape(lists=("discs",), times=(("limit",),))
     >>> case = {"discs": [{"x": 0.3172}, {"x": 4.0451}, {"x": 1.5}], "limit": 60.0}
-    >>> found = reduce(case, lambda one: one["limit"] >= 7 and any(3 < disc["x"] < 5 for disc in one["discs"]), shape, 99)
+    >>> def fails(case):
+    ...     return case["limit"] >= 7 and any(3 < disc["x"] < 5 for disc in case["discs"])
+    >>> found = reduce(case, fails, shape, 99)
     >>> found.data, found.runs < 30, found.complete
     ({'discs': [{'x': 4}], 'limit': 7}, True, True)
     """
@@ -67,8 +70,9 @@ def reduce(data: Data, fails: Callable[[Data], bool], shape: Shape, budget: int)
             before = reduction.data
             reduction.leave_out()
             reduction.shorten()
+            reduction.round_all([path for path in reduction.numbers() if path[-1] in shape.zero], None)
             for decimals in _DECIMALS:
-                reduction.round_all(list(reduction.numbers()), decimals)
+                reduction.round_all([*reduction.numbers()], decimals)
     except _Spent:
         return Reduced(reduction.data, reduction.runs, False)
     return Reduced(reduction.data, reduction.runs, True)
@@ -97,9 +101,9 @@ class _Reduction:
 
     def leave_out(self) -> None:
         """Leave out optional keys, and items of lists: all, halves, quarters ... single ones."""
-        for path in [path for path, _ in self._nodes() if path and path[-1] in self._shape.optional]:
-            if _has(self.data, path):
-                self._takes(_without(self.data, path))
+        for optional in [path for path, _ in self._nodes() if path and path[-1] in self._shape.optional]:
+            if _has(self.data, optional):
+                self._takes(_without(self.data, optional))
         done: set[Path] = set()
         while (path := self._next_list(done)) is not None:
             done.add(path)
@@ -116,7 +120,7 @@ class _Reduction:
         return next((path for path in lists if path not in done), None)
 
     def shorten(self) -> None:
-        """Make times whole and small, by bisection: what fails late may not fail early, so this need not be the least."""
+        """Make times whole and small, by bisection, which finds the least if all longer ones fail, too."""
         for path in self._shape.times:
             least, most = 0, math.ceil(_at(self.data, path))
             if not self._takes(_with(self.data, path, most)):
@@ -129,14 +133,14 @@ class _Reduction:
                     least = middle
 
     def numbers(self) -> Iterator[Path]:
-        """Yield where numbers stand that are not whole."""
+        """Yield where numbers stand that may be rounded."""
         return (path for path, node in self._nodes() if isinstance(node, float) and math.isfinite(node))
 
-    def round_all(self, paths: Sequence[Path], decimals: int) -> None:
-        """Round numbers to so many decimals: together if that does, else half of them and half of them."""
+    def round_all(self, paths: Sequence[Path], decimals: int | None) -> None:
+        """Round numbers to so many decimals, or to 0: together if that does, else half of them and half of them."""
         candidate = self.data
         for path in paths:
-            candidate = _with(candidate, path, _rounded(_at(candidate, path), decimals))
+            candidate = _with(candidate, path, 0 if decimals is None else _rounded(_at(candidate, path), decimals))
         if not paths or self._takes(candidate) or len(paths) == 1:
             return
         self.round_all(paths[: len(paths) // 2], decimals)

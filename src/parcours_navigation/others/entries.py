@@ -57,6 +57,9 @@ class Others:
         if self.places and len(self.places) != self.number:
             rule = f"there must be a place for each, but {len(self.places)} are given for {self.number}"
             raise BadRequest("others, places", rule, "give as many, or an area", slug="others-range")
+        if self.only is not None and not set(self.only) <= set(range(int(self.number))):
+            rule = f"it must list numbers of them, 0 to {self.number - 1:g}, but is {self.only!r}"
+            raise BadRequest("others, only", rule, "write [0, 2]", slug="others-range")
         if isinstance(self.motion, Recorded):
             if self.number != len(self.motion.tracks.names):
                 rule = f"it must be that of the tracks, {len(self.motion.tracks.names)}, but is {self.number}"

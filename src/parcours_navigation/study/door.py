@@ -130,16 +130,9 @@ class Navigation:
 
     def written(self, folder: Path, case: str) -> WrittenCase:
         """Return a failing case as a world file."""
-        from parcours_navigation.study.campaigns import NavigationResults
-        from parcours_navigation.study.results import CampaignResults
         from parcours_navigation.study.shrinking import written
 
-        results = self.read(folder)
-        if not isinstance(results, CampaignResults) or not isinstance(results.found, NavigationResults):
-            rule = "its cases must be ones that can be written as a world, but its planner has a loop of its own"
-            raise BadRequest(str(folder), rule, "replay the case instead", slug="shrink-study")
-        id, number = results.case(case)
-        return written(results.found, folder, id, number)
+        return written(self.read(folder), folder, case)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents."""

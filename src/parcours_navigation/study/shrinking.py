@@ -1,8 +1,10 @@
-"""Failing cases of planners as world files that can be made small (`parcours.study.shrinking`), and why a case fails."""
+"""Failing cases of planners as world files that can be made small (`parcours.study.shrinking`); why a case fails."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -16,27 +18,34 @@ from parcours.errors import BadRequest
 from parcours.study.journal import read_question
 from parcours.study.loading import file_of, is_target
 from parcours.study.parameters import Scalar, settings_of
-from parcours.study.protocol import Request
+from parcours.study.protocol import Request, Results
 from parcours.study.reducing import Data, Shape
 from parcours_navigation.cases.family import LONGEST
-from parcours_navigation.guests.staging import staged
+from parcours_navigation.cases.running import CaseStudy
+from parcours_navigation.facts import NEVER
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.guests.staging import plan_of, staged
 from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.requirements.judging import explained, holds
 from parcours_navigation.requirements.requirement import Requirements
+from parcours_navigation.requirements.syntax import is_safety
 from parcours_navigation.study.campaigns import NavigationResults
-from parcours_navigation.study.study import study_of
+from parcours_navigation.study.results import CampaignResults
+from parcours_navigation.study.study import NavigationStudy, study_of
 from parcours_navigation.worlds.family import WorldCases
-from parcours_navigation.worlds.writing import case_data, closed_of, made_world, plan_of_arena, world_text
+from parcours_navigation.worlds.paper import ArenaCases
+from parcours_navigation.worlds.writing import case_data, made_world, world_text
 
-SETTINGS = ("period", "command_delay", "watched_on", "call_timeout", "require", "fail", "measure")
-"""Parameters that hold for a case also where it is written as a world."""
+_TIMES = ("period", "command_delay", "watched_on", "call_timeout")
+"""What of a scenario holds for a case also where it is written as a world."""
 
 _SHAPE = Shape(
     lists=("others", "only", "walls", "polygons", "discs"),
     optional=("announced", "position_noise", "velocity_noise", "dropped", "late", "false", "occlusion", "noise"),
-    fixed=("robot",),
+    zero=("heading", "turn", "speed", "speed_spread", "waits", "moves"),
+    fixed=("robot", "start", "start_speed", "goal", "goals", "tolerance", "path", "radius", "number"),
 )
-_AT_END = " at its end"
+_AT_END = " at the end"
 
 _TEST = '''"""{doc}"""
 
@@ -49,7 +58,7 @@ HERE = Path(__file__).parent
 
 def test_{name}() -> None:
     causes = causes_of(
-        {planner}, HERE / "{file}", seed={seed}, number={number},{settings}
+        {given},
     )
     assert {holds}, causes
 '''
@@ -58,17 +67,20 @@ def test_{name}() -> None:
 def causes(record: np.void, requirements: Requirements) -> tuple[str, ...]:
     """Return why a case fails, the gravest cause first; () if it does not.
 
-    A requirement that is violated when the case ends, and not before, says so: a shorter case would violate it, too.
+    What is only known at its end, or happens later, says so: a shorter case might show it for being shorter.
     """
     outcome = Outcome(int(outcomes(np.array([record]))[0]))
     if outcome is Outcome.ERROR:
         reason = record["reason"].decode("utf-8", "replace") if "reason" in (record.dtype.names or ()) else ""
         return (f"error: {re.sub('[0-9]+(.[0-9]+)?', '#', reason)}",)
-    found = ["collided"] if outcome is Outcome.COLLIDED else []
+    end, found = int(record["t_end"]), []
+    if outcome is Outcome.COLLIDED:
+        times = (int(record["t_robot_contact"]), int(record["t_shared_contact"]))
+        late = min(time for time in times if time != NEVER) > end
+        found.append(f"collided{_AT_END if late else ''}")
     for k, one in enumerate(requirements.formulas):
         if float(record["robustness"][k]) < 0.0:
-            late = float(record["violated_at"][k]) * 1e9 > int(record["t_end"]) - 1e6
-            found.append(f"violates {one.name}{_AT_END if late else ''}")
+            found.append(f"violates {one.name}{'' if is_safety(one.formula) else _AT_END}")
     found += [f"fails by {one.text}" for one in requirements.rules if holds(one.formula, np.array([record]))[0]]
     return (*found, *([outcome.name.lower()] if outcome in (Outcome.STUCK, Outcome.ASTRAY) else []))
 
@@ -110,20 +122,27 @@ class WrittenWorld:
 
     @property
     def _is_event(self) -> bool:
-        first = self.cause.partition(" ")[0]
-        return first in ("collided", "error:") or (first == "violates" and not self.cause.endswith(_AT_END))
+        return self.cause.startswith(("collided", "error", "violates")) and not self.cause.endswith(_AT_END)
 
     @property
     def _name(self) -> str:
         return "-".join(self.id.split("/")[1:])
+
+    @functools.cached_property
+    def _study(self) -> CaseStudy:
+        found = self.results
+        return study_of(found.label, found.cases, found.scenario, found.requirements)
 
     def causes(self, data: Data) -> Sequence[str]:
         """Run a case again. Raises ParcoursError, before, if it is none."""
         seed, found = self.results.cases.seed, self.results
         cases = WorldCases(seed, made_world(self._name, "", data, self.folder))
         scenario = dataclasses.replace(found.scenario, time_limit=LONGEST)
-        study = study_of(found.label, cases, scenario, found.requirements)
         staged(cases, scenario, np.array([self.number]))
+        if isinstance(self._study, NavigationStudy):  # it knows its planner already
+            study: CaseStudy = dataclasses.replace(self._study, cases=cases, scenario=scenario)
+        else:
+            study = study_of(found.label, cases, scenario, found.requirements)
         return causes(study.run(np.array([self.number]))[0], found.requirements)
 
     def sizes(self, data: Data) -> Mapping[str, float]:
@@ -145,54 +164,52 @@ class WrittenWorld:
         seed, name = self.results.cases.seed, test.stem.removeprefix("test_")
         doc = f"{self.id} of seed {seed}, made small: {self.cause}"
         world.write_text(world_text(self._name, doc, data), encoding="utf-8")
-        planner, shown = self.results.label, repr(self.results.label)
+        planner, shown = self.results.label, json.dumps(self.results.label)
         if is_target(planner) and (path := file_of(planner, Path.cwd())) is not None:
             near = os.path.relpath(path.resolve(), out.resolve())
-            shown = f"f\"{{HERE / {near!r}}}:{planner.rpartition(':')[2]}\""
-        settings = "".join(f"\n        {name}={value!r}," for name, value in self.settings.items())
-        asserted = f"{self.cause!r} not in causes" if self._is_event else "not causes"
-        test.write_text(
-            _TEST.format(doc=f"{doc}. As drawn: {self.said}.".replace('"', "'"), name=name, planner=shown,
-                         file=world.name, seed=seed, number=self.number, settings=settings, holds=asserted),
-            encoding="utf-8",
-        )  # fmt: skip
-        given = {"planner": planner, "world": str(world), "workers": 1, **self.settings}
-        request = Request(settings_of(study().parameters, given), seed, out / "run", chosen=(str(self.number),))
+            shown = f'f"{{HERE / {near!r}}}:{planner.rpartition(":")[2]}"'
+        given = [shown, f'HERE / "{world.name}"', f"seed={seed}", f"number={self.number}"]
+        given += [f"{key}={json.dumps(value)}" for key, value in self.settings.items()]
+        said = f"{doc}.\n\nAs drawn: {self.said}.\n".replace("\\", "/").replace('"', "'")
+        holds = f"{json.dumps(self.cause)} not in causes" if self._is_event else "not causes"
+        test.write_text(_TEST.format(doc=said, name=name, given=",\n        ".join(given), holds=holds), "utf-8")
+        asked = {"planner": planner, "world": str(world), "workers": 1, **self.settings}
+        request = Request(settings_of(study().parameters, asked), seed, out / "run", chosen=(str(self.number),))
         study().run(request, lambda what, done, total: None)
         return world, test, request.out
 
 
-def written(results: NavigationResults, folder: Path, id: str, number: int) -> WrittenWorld:
+def written(results: Results, folder: Path, case: str) -> WrittenWorld:
     """Return a failing case of a campaign as a world file.
 
     Args:
         results: the campaign.
         folder: in which it lies.
-        id: of the case, as it is shown.
-        number: of the case.
+        case: its id, or its number.
 
-    Raises BadRequest: it did not fail.
+    Raises BadRequest: there is no such case, it did not fail, or its planner has no name that runs it again.
     """
-    cases, scenario = results.cases, results.scenario
-    [record] = results.facts[results.facts["number"] == number]
-    found = causes(record, results.requirements)
-    if not found:
-        rule = f"a case that failed is made small, but this one did not: {explained(record, results.requirements)}"
+    if not isinstance(results, CampaignResults):
+        rule = "its cases must be ones that can be written as a world, but they did not run in simulated time"
+        raise BadRequest(str(folder), rule, "replay the case instead", slug="shrink-study")
+    id, number = results.case(case)
+    found = results.found.as_navigation()
+    [record] = found.facts[found.facts["number"] == number]
+    failed, said = causes(record, found.requirements), explained(record, found.requirements)
+    if not failed:
+        rule = f"a case that failed is made small, but this one did not: {said}"
         raise BadRequest(id, rule, "name one that failed: parcours results FOLDER --where 'verdict == fail'",
                          slug="shrink-passed")  # fmt: skip
-    [one] = staged(cases, scenario, np.array([number]))
-    end = min(one.end, scenario.time_limit) if isinstance(cases, WorldCases) else one.end
-    if isinstance(cases, WorldCases):
-        plan, base = cases.plan(number), cases.world.folder
-    else:
-        plan, base = plan_of_arena(
-            scenario.start, scenario.start_speed, scenario.goal, scenario.goal_tolerance, end, cases.robot_radius,
-            scenario.limits,
-        ), Path.cwd()  # fmt: skip
-    data = case_data(plan, base, closed_of(one.scene.obstacles, len(one.scene.agents)), end)
+    cases, scenario = found.cases, found.scenario
+    given = cases.of if isinstance(cases, ArenaCases) else cases
+    [one] = staged(given, scenario, np.array([number]))
+    plan = plan_of(given, scenario, number)
+    base = given.world.folder if isinstance(given, WorldCases) else Path.cwd()
+    closed = one.scene.obstacles[: len(one.scene.obstacles) - len(one.scene.agents)]
+    end = min(one.end, scenario.time_limit) if isinstance(given, WorldCases) else one.end
+    data = case_data(plan, base, closed, end)
     asked = cast("Mapping[str, Mapping[str, Scalar]]", read_question(folder)["question"])["settings"]
-    from parcours_navigation.study.door import study
-
-    plain = {parameter.name: parameter.default for parameter in study().parameters}
-    settings = {name: asked[name] for name in SETTINGS if name in asked and asked[name] != plain[name]}
-    return WrittenWorld(id, results, number, settings, found[0], explained(record, results.requirements), data, base)
+    plain = Scenario()
+    settings = {name: getattr(scenario, name) for name in _TIMES if getattr(scenario, name) != getattr(plain, name)}
+    settings |= {name: asked[name] for name in ("require", "fail", "measure") if asked.get(name)}
+    return WrittenWorld(id, found, number, settings, failed[0], said, data, base)

@@ -49,6 +49,7 @@ _Named = list[tuple[str, _T]]
 
 _TRIES = 10_000
 _LATTICE = 1_000_000  # points on which a way off a map is looked for
+_RANGES = ("speed", "turn", "waits", "moves", "heading")  # of obstacles; a number stands for a range of that alone
 _WHOLE = ("number", "group", "drawn_goals", "nearest")
 
 
@@ -171,6 +172,7 @@ def _stop_move_stop(entry: dict[str, Any], where: str) -> StopMoveStop:
     for name in entry:
         require_known(name, known, f"{where}, key", slug="others-key")
     given = {name: settled(value) for name, value in entry.items()}
+    given |= {name: (one, one) for name, one in given.items() if name in _RANGES and isinstance(one, int | float)}
     try:
         return StopMoveStop(**given)  # type: ignore[arg-type]
     except BadRequest as error:
@@ -331,7 +333,7 @@ def _closed(entries: _Named[StopMoveStop], land: Land, robot_radius: float, seed
                 if math.hypot(one.places[i][0] - x, one.places[i][1] - y) < one.radius + robot_radius:
                     rule = f"the robot must start clear of obstacles, but one stands at {one.places[i]} m"
                     raise BadRequest(name, rule, "move it, or the start", slug="start-occupied")
-            elif not _draw(one.area, one.radius, x, y, robot_radius, obstacles, k, land.packed, stream):
+            elif not _draw(one.area or (), one.radius, x, y, robot_radius, obstacles, k, land.packed, stream):
                 rule = f"{one.number} discs with a radius of {one.radius:g} m must find room, but {k} did in the area"
                 remedy = "give fewer or smaller ones, or more room"
                 raise BadRequest(name, rule, remedy, slug="others-do-not-fit")
@@ -347,7 +349,7 @@ def _closed(entries: _Named[StopMoveStop], land: Land, robot_radius: float, seed
 
 @kernel
 def _draw(
-    area: tuple[float, float, float, float], radius: float, x: float, y: float, robot_radius: float, obstacles: Record,
+    area: tuple[float, ...], radius: float, x: float, y: float, robot_radius: float, obstacles: Record,
     k: int, packed: Floats, stream: Stream,
 ) -> bool:  # fmt: skip
     """Put obstacle k somewhere in the area, clear of those before it, of the robot and of the ground."""

@@ -16,22 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours_navigation.protocol import Limits
-from parcours_navigation.robots.kinds import Body
 from parcours_navigation.worlds.file import FORMAT, World, parse_world
-from parcours_navigation.worlds.plan import Plan, Task
+from parcours_navigation.worlds.plan import Plan
 
 Data = dict[str, Any]
-
-
-def plan_of_arena(
-    start: tuple[float, float, float], start_speed: float, goal: tuple[float, float], tolerance: float,
-    time_limit: float, radius: float, limits: Limits,
-) -> Plan:  # fmt: skip
-    """Return the paper's arena without its obstacles; lengths in m, times in s, angles in rad."""
-    body = Body("unicycle", radius, (), limits.speed, limits.yaw_rate, limits.acceleration, limits.yaw_acceleration)
-    task = Task(start, start_speed, goal, tolerance=tolerance, time_limit=time_limit)
-    return Plan(task, robot=body)
 
 
 def case_data(plan: Plan, folder: Path, closed: Record, time_limit: float) -> Data:
@@ -65,10 +53,10 @@ def _obstacle(one: np.void) -> Data:
         "motion": "stop-move-stop", "number": 1, "radius": float(one["radius"]),
         "places": [[float(one["x0"]), float(one["y0"])]],
     }  # fmt: skip
-    waits, stop = int(one["start"]) * 1e-9, int(one["stop"]) * 1e-9
+    waits, moves = int(one["start"]) * 1e-9, (int(one["stop"]) - int(one["start"])) * 1e-9
     drawn = (("heading", one["heading0"]), ("speed", one["speed"]), ("turn", one["turn"]), ("waits", waits),
-             ("moves", stop - waits))  # fmt: skip
-    found |= {name: [float(value)] * 2 for name, value in drawn}
+             ("moves", moves))  # fmt: skip
+    found |= {name: float(value) for name, value in drawn}
     return found | ({"announced": int(one["announced"]) * 1e-9} if one["announced"] else {})
 
 
