@@ -137,7 +137,7 @@ class _Reduction:
         return (path for path, node in self._nodes() if isinstance(node, float) and math.isfinite(node))
 
     def round_all(self, paths: Sequence[Path], decimals: int | None) -> None:
-        """Round numbers to so many decimals, or to 0: together if that does, else half of them and half of them."""
+        """Round numbers to a number of decimals, or to 0: together if that does, else half of them and half of them."""
         candidate = self.data
         for path in paths:
             candidate = _with(candidate, path, 0 if decimals is None else _rounded(_at(candidate, path), decimals))

@@ -134,7 +134,7 @@ class WrittenWorld:
         return study_of(found.label, found.cases, found.scenario, found.requirements)
 
     def causes(self, data: Data) -> Sequence[str]:
-        """Run a case again. Raises ParcoursError, before, if it is none."""
+        """Run a case again. Raises ParcoursError, before, if it is not a case."""
         seed, found = self.results.cases.seed, self.results
         cases = WorldCases(seed, made_world(self._name, "", data, self.folder))
         scenario = dataclasses.replace(found.scenario, time_limit=LONGEST)
