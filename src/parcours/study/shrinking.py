@@ -36,7 +36,7 @@ class WrittenCase(Protocol):
         """What of it may change."""
 
     def causes(self, data: Data) -> Sequence[str]:
-        """Run a case, and return why it fails; nothing if it does not. Raises ParcoursError, before, if it is not a case."""
+        """Run a case, and return why it fails; () if it does not. Raises ParcoursError, before, if it is not a case."""
 
     def sizes(self, data: Data) -> Mapping[str, float]:
         """Return what is made small, by name with its unit: how many obstacles there are, how long it lasts."""
