@@ -169,6 +169,11 @@ class CampaignResults:
         )
         return Page(title, subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
 
+    def case(self, case: str) -> tuple[str, int]:
+        """Return the id and the number of a finished case. Raises BadRequest: there is none."""
+        number = self._number(case)
+        return self._id(self.found.cases.id(number)), number
+
     def _number(self, case: str) -> int:
         number, finished = self.found.cases.number(case), self.found.facts["number"]
         if number is not None and number in finished:
