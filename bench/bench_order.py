@@ -6,7 +6,8 @@ The graphs are those that the authors of ros2_def use: one message on two ways t
 publishers of one topic, two clients of one server. Each repetition is one abstract case, whose order the tester
 enforces on plain nodes (`bench/order_nodes/passer.py`) at their messages; beside it the same nodes run without it.
 Printed are how many orders of callbacks at the node where they meet came up among repetitions in which nodes work for
-up to 0.5 ms, and the time from publishing (or calling) to the callback, hop by hop, where they do not work at all.
+up to 0.5 ms, and the time from publishing (or calling) to the callback, hop by hop, where they do not work at all;
+how much of it messages wait for their turn, which is what the order costs, not the way by the tester.
 """
 
 from __future__ import annotations
@@ -148,9 +149,12 @@ def events_of(graph: Graph) -> tuple[Event, ...]:
     return tuple(found)
 
 
-def enforced(graph: Graph, repetitions: int, folder: Path) -> None:
-    """Run the repetitions under the tester. Raises RuntimeError if the order could not be enforced in one."""
-    events = events_of(graph)
+def enforced(graph: Graph, repetitions: int, folder: Path) -> float:
+    """Run the repetitions under the tester, and return how long messages waited for their turn altogether [ns].
+
+    Raises RuntimeError if the order could not be enforced in one.
+    """
+    events, waited = events_of(graph), 0
     with ForeignHost(read_binding(write(graph, folder)), folder / "nodes") as host:
         references = {event.reference: event.component for event in events}
         observers: list[Any] = []
@@ -169,12 +173,16 @@ def enforced(graph: Graph, repetitions: int, folder: Path) -> None:
                     judgement = judge.judged().judgement
                     if judgement.verdict is not Verdict.PASS:
                         raise RuntimeError(f"repetition {k}: {judgement.why}")
-                    session.relay.events.clear()
+                    happened = session.relay.events
+                    waited += sum(one.time for one in happened if one.kind == "release")
+                    waited -= sum(one.time for one in happened if one.kind == "hold")
+                    happened.clear()
         finally:
             session.end()
+    return waited
 
 
-def free(graph: Graph, repetitions: int, folder: Path) -> None:
+def free(graph: Graph, repetitions: int, folder: Path) -> float:
     """Run the repetitions without a tester: the same messages from the environment, nobody between the nodes."""
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
@@ -210,14 +218,19 @@ def free(graph: Graph, repetitions: int, folder: Path) -> None:
             process.send_signal(signal.SIGINT)
         for process in processes:
             process.wait(10.0)
+    return 0.0
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What nodes wrote down: the orders of callbacks that came up, and the duration of each hop [ns]."""
+    """What nodes wrote down: the orders of callbacks that came up, and the duration of each hop [ns].
+
+    `waited` is how much of a hop, on average, a message waited for its turn [ns].
+    """
 
     orders: Counter[tuple[str, ...]]
     hops: list[int]
+    waited: float = 0.0
 
 
 def seen(graph: Graph, folder: Path, warm_up: int) -> Seen:
@@ -253,8 +266,9 @@ def both(graph: Graph, repetitions: int) -> tuple[Seen, Seen]:
     found = []
     for run in (enforced, free):
         with tempfile.TemporaryDirectory() as folder:
-            run(graph, repetitions, Path(folder))
-            found.append(seen(graph, Path(folder), min(20, repetitions // 2)))
+            waited = run(graph, repetitions, Path(folder))
+            one = seen(graph, Path(folder), min(20, repetitions // 2))
+            found.append(replace(one, waited=waited / max(len(one.hops), 1)))
     return found[0], found[1]
 
 
@@ -271,9 +285,12 @@ def main() -> None:
         idle = {one: line.replace(JITTER, "") for one, line in graph.nodes.items()}
         timed = both(replace(graph, nodes=idle), asked.hops)
         p50, p99 = ([statistics.quantiles(one.hops, n=100)[at] * 1e-3 for one in timed] for at in (49, 98))
+        means = [statistics.fmean(one.hops) * 1e-3 for one in timed]
+        turn = timed[0].waited * 1e-3
         line = f"{name:16} tester: {len(under.orders)} order(s) {p50[0]:6.0f} {p99[0]:6.0f}"
         line += f"   without: {len(without.orders)} order(s) {p50[1]:6.0f} {p99[1]:6.0f}"
-        print(f"{line}   added: {p50[0] - p50[1]:+6.0f} {p99[0] - p99[1]:+6.0f}", flush=True)
+        line += f"   added: {p50[0] - p50[1]:+6.0f} {p99[0] - p99[1]:+6.0f}"
+        print(f"{line}   means: {means[0]:.0f} of which {turn:.0f} for its turn, {means[1]:.0f} without", flush=True)
 
 
 if __name__ == "__main__":

@@ -120,6 +120,13 @@ BAD = [
     ("{command: [./server]}", "{}", 8, "must have a command, or say 'running: true'", "binding-start"),
     ("{command: [./server]}", "{running: true}", 8, "'ros_node' must say by what name", "missing-key"),
     ("[./server]}", "[./s], ready: [{topic: /a, node: /b}]}", 8, "must name one of topic,", "binding-ready"),
+    (
+        "{command: [./server]}",
+        "{command: [/opt/ros/bin/ros2, launch, a, b.py]}",
+        8,
+        "a launch file obeys no remapping",
+        "binding-start",
+    ),
     ("{command: [./server]}", "{running: true, ros_node: /s, remap: true}", 8, "says 'remap: true'", "binding-start"),
     ("[./server]}", "[./s], timeout: soon}", 8, "must be a time above 0, such as 0.5 s, 20 ms", "value"),
     ("  order: {topic", "  ordr: {topic", 18, "did you mean 'order'?", "binding-unknown"),

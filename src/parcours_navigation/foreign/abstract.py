@@ -31,11 +31,14 @@ PATIENCE = 4_000_000_000
 
 UNSEEN = "not visible: assumed"
 _REST = 50_000_000
-"""Longest wait for a node that sends nothing back and never rests [ns]."""
+"""How long a node that sends nothing back and never rests may work on a message [ns of processor time].
+
+No clock on the wall will do: on a busy machine a node may not have begun by then, and would get the next message, too.
+"""
 _GLANCE = 200_000
 """Interval between two looks at whether it rests [ns]."""
 _SETTLE = 200_000_000
-"""How long the background runs before the case begins to move [ns]."""
+"""How long the background runs, and nodes get on that were waiting for an answer, before the case moves [ns]."""
 
 
 @dataclass(eq=False, slots=True)
@@ -72,6 +75,11 @@ class _Background:
             for spoke in session.slot_plan.speaking(channel):
                 if references.get(spoke.slot, -1) not in given:
                     self._sensed.append(_Sensed(channel, spoke.slot or None, round(period * 1e9)))
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether there is anything to say."""
+        return bool(self._sensed)
 
     def say(self, now: int) -> None:
         """Say what is due [ns since the run began]."""
@@ -112,6 +120,7 @@ class AbstractDrive:
         self._precedence = Precedence(events)
         self._gates: dict[tuple[int, str], deque[Message]] = {}
         self._frozen: set[int] = set()
+        self._answering: dict[str, bool] = {}
         self._failed = ""
         self._background = _Background(session, maker, events)
         self._relay.arrived = self._arrived
@@ -124,7 +133,8 @@ class AbstractDrive:
             HostFailure: a message of the tester's cannot be made.
         """
         session = self._session
-        begin = session.case_began + _SETTLE
+        is_quiet = not self._background.is_needed and not self._early and not self._relay.calls
+        begin = session.case_began + (0 if is_quiet else _SETTLE)
         for message in self._early:
             self._arrived(message)
         while not self._is_over():
@@ -193,9 +203,10 @@ class AbstractDrive:
         """Whether the node has done all that the event says; what it takes silently it has taken once it rests."""
         if turn.missing or not turn.is_given:
             return False
-        if turn.effort < 0 or self._session.now() - turn.since > _REST:
+        if turn.effort < 0:
             return True
-        return self._session.rests(self._slots[reference], turn.effort)
+        slot = self._slots[reference]
+        return self._session.rests(slot, turn.effort) or self._session.effort(slot) - turn.effort > _REST
 
     def _is_awaited(self) -> bool:
         return any(to_do and to_do[0].is_given and to_do[0].effort >= 0 for to_do in self._to_do.values())
@@ -254,7 +265,7 @@ class AbstractDrive:
         if not follows or not slot.node.is_ours or reference in self._frozen:
             return reference in self._frozen or not slot.node.is_ours
         receives = follows[0].event.receives
-        if after is not None and receives is not None and receives.channel in self._bound:
+        if receives is not None and receives.channel in self._bound and (after is not None or self._only_answers(slot)):
             return False  # it waits for a message that the tester has
         done = self._done if after is None else self._done | {after}
         if not self._precedence.allows(follows[0].event, done):
@@ -263,6 +274,16 @@ class AbstractDrive:
             for component in slot.node.components:
                 self._relay.note(STOPPED, slot.component(component))
         return True
+
+    def _only_answers(self, slot: Slot) -> bool:
+        """Whether no component of the process may send anything that no message has led to."""
+        if slot.node.name not in self._answering:
+            machines = [one for name in slot.node.components for one in self._binding.model.component(name).machines]
+            self._answering[slot.node.name] = all(
+                step.event is not None and step.event.channel in self._bound
+                for machine in machines for step in machine.transitions if step.sends
+            )  # fmt: skip
+        return self._answering[slot.node.name]
 
     def _thaw(self, *, all_of_them: bool = False) -> None:
         for reference in list(self._frozen):
@@ -337,6 +358,7 @@ class AbstractDrive:
     def _expire(self, now: int) -> None:
         for reference, to_do in self._to_do.items():
             if to_do and to_do[0].since >= 0 and now - to_do[0].since > PATIENCE and not self._failed:
-                event, wanted = to_do[0].event, ", ".join(to_do[0].missing)
+                event = to_do[0].event
+                wanted = f" (send {', '.join(to_do[0].missing)})" if to_do[0].missing else ""
                 name = self._slots[reference].name if reference in self._slots else event.component
-                self._failed = f"{name} did not take {event.transition} (send {wanted}) within {PATIENCE * 1e-9:g} s"
+                self._failed = f"{name} did not take {event.transition}{wanted} within {PATIENCE * 1e-9:g} s"

@@ -19,7 +19,8 @@ from parcours_navigation.foreign.quiescence import proposals
 
 def is_own(binding: Binding, master: object, network: object) -> bool:
     """Return whether master and nodes run in a network of their own: one that the user starts is never there."""
-    is_all_ours = all(node.is_ours for node in binding.nodes)
+    launched = [node for launcher in binding.nodes for node in binding.launched_by(launcher)]
+    is_all_ours = all(node.is_ours or node in launched for node in binding.nodes)
     return is_all_ours and not master and not binding.master and network == "own"
 
 

@@ -6,6 +6,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 
 from parcours.model.finding import Finding, advice
 from parcours.run.binding.formulas import Formula
@@ -73,6 +74,13 @@ class _Check:
                 if counts[component] > 1:
                     rule = f"a component must run in one node, but {component!r} runs in {counts[component]}"
                     self.add(node.line, "duplicate", rule, "take it out of all but one")
+            names = [Path(word).name for word in node.command[:2]]
+            if node.remap and node.components and (names[:1] == ["roslaunch"] or names == ["ros2", "launch"]):
+                rule = f"a launch file obeys no remapping arguments, but node {node.name!r} is to be remapped"
+                remedy = (
+                    "say 'components: []', and list its nodes with 'running: true' and 'after' it; or 'remap: false'"
+                )
+                self.add(node.line, "binding-start", rule, remedy)
         self.order()
         if self.binding.master and not _MASTER.fullmatch(self.binding.master):
             rule = f"'master' must be an address with a port, but is {self.binding.master[:60]!r}"

@@ -154,6 +154,10 @@ def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
         rule = "needs at least one component that a node runs, but has none"
         raise HostFailure("abstract case", rule, "add the node to the binding", slug="foreign-instances")
     running = {slot.node.name for slot in slots}
+    for launcher in binding.nodes:
+        if any(node.name in running for node in binding.launched_by(launcher)):
+            slots.append(Slot(launcher.name, launcher, None, launcher.ros_node, ()))
+            running.add(launcher.name)
     absent = frozenset(node.name for node in binding.nodes if node.name not in running)
     return SlotPlan(tuple(slots), tuple(spokes.found.values()), absent)
 

@@ -72,6 +72,11 @@ class Process:
         """Whether the tester starts it."""
         return bool(self.command)
 
+    @property
+    def is_launcher(self) -> bool:
+        """Whether it runs no component itself: it is there to start others, such as those of a launch file."""
+        return bool(self.command) and not self.components
+
 
 @dataclass(frozen=True, slots=True)
 class Injection:
@@ -277,3 +282,8 @@ class Binding:
     def process_of(self, component: str) -> Process | None:
         """Return the process that runs a component, or None if none does: the tester stands in for it."""
         return next((node for node in self.nodes if component in node.components), None)
+
+    def launched_by(self, launcher: Process) -> tuple[Process, ...]:
+        """Return the nodes that a launcher starts: those that run already when they come `after` it."""
+        nodes = self.nodes if launcher.is_launcher else ()
+        return tuple(node for node in nodes if not node.is_ours and launcher.name in node.after)

@@ -133,8 +133,9 @@ class ForeignHost:
         for slot, process in ending:
             self.graph.unwatch(process.descriptor)
             process.end(asked + min(slot.node.stop, patience) - time.monotonic())
-            if process.was_killed and slot.ros_node:
-                self.graph.forget(slot.ros_node)
+            for node in (slot.ros_node, *(one.ros_node for one in self.binding.launched_by(slot.node))):
+                if process.was_killed and node:
+                    self.graph.forget(node)
 
     # Ends on the graph.
 

@@ -36,6 +36,16 @@ def plain_text(line: str) -> str:
     return "".join(sign for sign in _STEERING.sub("", line) if sign.isprintable()).strip()
 
 
+def _state(file: str) -> str:
+    """Return the letter that a thread's `stat` has for its state."""
+    descriptor = os.open(file, os.O_RDONLY)
+    try:
+        said = os.read(descriptor, 512)
+    finally:
+        os.close(descriptor)
+    return chr(said[said.rindex(b")") + 2])
+
+
 class KeptProcess:
     """A process that a command started, with everything that it starts itself.
 
@@ -129,9 +139,9 @@ class KeptProcess:
 
     def _states(self) -> str:
         """Return the state of each thread, one letter each; none if it has ended."""
+        folder = f"/proc/{self.pid}/task"
         with contextlib.suppress(OSError):
-            states = [(task / "stat").read_text() for task in Path(f"/proc/{self.pid}/task").iterdir()]
-            return "".join(state.rpartition(")")[2].split()[0] for state in states)
+            return "".join(_state(f"{folder}/{thread}/stat") for thread in os.listdir(folder))  # noqa: PTH208 asked often
         return ""
 
     def effort(self) -> int:

@@ -183,6 +183,10 @@ class Session:
             self._bury(slot, f"{slot.ros_node} does not answer any more{since}", when)
 
     def _bury(self, slot: Slot, how: str, when: int) -> None:
+        launched = self.host.binding.launched_by(slot.node)
+        for one in self.slot_plan.slots if launched else ():
+            if one.node in launched:
+                self._bury(one, f"{slot.name}, which started it, ended: {how}", when)
         for component in slot.node.components:
             name = slot.component(component)
             if name not in self.deaths:
