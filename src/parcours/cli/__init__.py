@@ -41,6 +41,7 @@ COMMANDS = {
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "studio": "Edit, run and watch the studies of a folder in the browser.",
     "completion": "What makes a shell complete these commands.",
+    "falsify": "The search for a failing case over the input domains of a study.",
     "shrink": "A failing case made small, and kept as a test.",
     "compile": "Compile all kernels now, on all processors.",
 }

@@ -220,6 +220,18 @@ class SystemCases:
         return obstacles
 
 
+@dataclass(frozen=True, slots=True)
+class GivenCases(SystemCases):
+    """Cases whose values are given instead of drawn: in any order of setting out."""
+
+    given: tuple[tuple[float, ...], ...] = ()  # of the cases from `first` on
+    first: int = 0
+
+    def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the given values of the cases, shape (n, n_inputs)."""
+        return np.array(self.given)[numbers - self.first]
+
+
 @kernel
 def _place(x: Record, y: Record, obstacles: Record) -> None:
     """Put each obstacle at (x, y), heading at the robot's start in the origin."""

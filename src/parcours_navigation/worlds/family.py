@@ -119,6 +119,20 @@ class WorldCases:
         return hash((self.seed, self.world.digest, self.study, self.criterion))
 
 
+@dataclass(frozen=True, slots=True)
+class GivenWorldCases(WorldCases):
+    """Cases whose values are given instead of drawn; all else is drawn by their numbers."""
+
+    given: tuple[tuple[float, ...], ...] = ()  # of the cases from `first` on
+    first: int = 0
+
+    __hash__ = WorldCases.__hash__
+
+    def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the given values of the cases, shape (n, n_inputs)."""
+        return np.array(self.given)[numbers - self.first]
+
+
 def _and(names: Sequence[str]) -> str:
     return " and ".join(names) if names else "neither scan, map nor path"
 
