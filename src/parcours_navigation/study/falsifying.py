@@ -25,8 +25,11 @@ from parcours_navigation.worlds.family import GivenWorldCases, WorldCases
 
 Floats = NDArray[np.float64]
 
-NEARNESS = "always (abs(speed) > 0.01 -> clearance > 0)"
-"""What measures how far a case is from failing where nothing is required: the clearance of a robot that moves [m]."""
+_CLEAR = "(clearance > 0 or speed < 0.05)"
+NEARNESS = f"always {_CLEAR} or ({_CLEAR} until (clearance < 0 and speed < 0.05))"
+"""What measures how far a case is from failing where nothing is required [m]: the gap that is left until the robot
+comes to rest. Whether anybody then runs into it does not count.
+"""
 
 
 @functools.cache
