@@ -38,7 +38,7 @@ def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
         from parcours.studio.folder import Folder
         from parcours.studio.server import Studio, bound, serve
     except ModuleNotFoundError as error:
-        rule = f"it needs the package {error.name}, which is not installed"
+        rule = f"it needs the package {str(error.name).partition('.')[0]}, which is not installed"
         raise BadRequest("studio", rule, "pip install 'parcours[studio]'", slug="no-studio-extra") from error
     token = secrets.token_urlsafe(24)
     listener = bound(port)
@@ -52,7 +52,7 @@ def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
 
 @contextlib.contextmanager
 def _opened(address: str) -> Iterator[None]:
-    """Open a browser by a file that only its user can read: the words of a command line are seen by all users."""
+    """Open the address through a file that only this user can read: every user can see the browser's command line."""
     import tempfile
     import threading
     import webbrowser

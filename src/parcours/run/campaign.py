@@ -75,8 +75,9 @@ def run_campaign(
     simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
     enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None,
 ) -> Outcome:  # fmt: skip
-    """Compute what is missing of a campaign, and return how far it came. Ctrl-C, SIGTERM or
-    SIGHUP ends it early.
+    """Compute what is missing of a campaign, and return how far it came.
+
+    Ctrl-C, SIGTERM or SIGHUP ends it early.
 
     A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own,
     and a case in which it hangs or takes its process down costs that case only.
@@ -113,51 +114,43 @@ def run_campaign(
     function = resolve(simulate) if isinstance(simulate, str) else simulate
     store = create(folder, campaign)
     with claimed(folder):
-        return _completed(store, function, simulate, workers, progress, enough, rules, max_time)
+        order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, tuple(rules)))
+        missing = () if order.is_enough() else store.missing()
+        finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
+        report = progress or (lambda done, total: None)
+        report(finished, campaign.n_cases)
+        task = _ComputeShard(simulate if isinstance(simulate, str) else function, store)
 
+        def name(shard: int) -> str:
+            cases = campaign.cases(shard)
+            return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
-def _completed(
-    store: Store, function: Simulate, simulate: Simulate | str, workers: int, progress: Progress | None,
-    enough: Enough | None, rules: Sequence[str], max_time: float | None,
-) -> Outcome:  # fmt: skip
-    campaign, folder = store.campaign, store.folder
-    order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, tuple(rules)))
-    missing = () if order.is_enough() else store.missing()
-    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
-    report = progress or (lambda done, total: None)
-    report(finished, campaign.n_cases)
-    task = _ComputeShard(simulate if isinstance(simulate, str) else function, store)
-
-    def name(shard: int) -> str:
-        cases = campaign.cases(shard)
-        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
-
-    try:
-        with (
-            terminable(), limited(max_time if missing else None, _TimeIsOver),
-            contextlib.closing(_done(function, task, missing, workers, name)) as done,
-        ):  # fmt: skip
-            for shard in done:
-                finished += len(campaign.cases(shard))
-                is_enough = order.is_enough()
-                report(finished, campaign.n_cases)
-                if is_enough:
-                    break
-    except KeyboardInterrupt as error:
-        left = store.missing()
-        if isinstance(error, _TimeIsOver) and left and left[0]:
-            stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
-            stop.write(folder, campaign)
-            why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
-            return Outcome(store, store.planned, interrupted=False, stopped=why)
-        return Outcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
-    finally:
-        sweep(folder)  # of what a stopped worker left half-written
-    if order.is_enough():
-        replace(order.stop, cases=campaign.cases(order.next - 1).stop).write(folder, campaign)
-        store.discard(order.next)
-        return Outcome(store, store.planned, interrupted=False, stopped=order.why)
-    return Outcome(store, finished, interrupted=False)
+        try:
+            with (
+                terminable(), limited(max_time if missing else None, _TimeIsOver),
+                contextlib.closing(_done(function, task, missing, workers, name)) as done,
+            ):  # fmt: skip
+                for shard in done:
+                    finished += len(campaign.cases(shard))
+                    is_enough = order.is_enough()
+                    report(finished, campaign.n_cases)
+                    if is_enough:
+                        break
+        except KeyboardInterrupt as error:
+            left = store.missing()
+            if isinstance(error, _TimeIsOver) and left and left[0]:
+                stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
+                stop.write(folder, campaign)
+                why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
+                return Outcome(store, store.planned, interrupted=False, stopped=why)
+            return Outcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
+        finally:
+            sweep(folder)  # of what a stopped worker left half-written
+        if order.is_enough():
+            replace(order.stop, cases=campaign.cases(order.next - 1).stop).write(folder, campaign)
+            store.discard(order.next)
+            return Outcome(store, store.planned, interrupted=False, stopped=order.why)
+        return Outcome(store, finished, interrupted=False)
 
 
 def _may_stop(store: Store, rules: tuple[str, ...]) -> Stop:

@@ -7,9 +7,12 @@ sum stands.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
+import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +26,8 @@ from parcours.run.atomic import sweep, unwritable, write_atomically
 from parcours.run.stops import read_stop
 
 FORMAT = "campaign/1"
-_MANIFEST = "campaign.json"
+MANIFEST = "campaign.json"
+_SUM = re.compile(r"shard-(\d{6,})\.npy\.sha256", re.ASCII)
 _MOST_SHARDS = 1_000_000
 
 Rows = NDArray[np.void]
@@ -147,9 +151,16 @@ class Store:
         """Return where a shard's array lies; its sum lies beside it, with .sha256 appended."""
         return self.folder / f"shard-{shard:06d}.npy"
 
+    def finished(self) -> set[int]:
+        """Return the shards that are finished, also those beyond a case at which a rule has ended the campaign."""
+        with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as files:
+            return {int(found[1]) for one in files if (found := _SUM.fullmatch(one.name))}
+        return set()
+
     def missing(self) -> tuple[int, ...]:
         """Return the shards that are still to be computed."""
-        return tuple(shard for shard in self.shards if not self.has(shard))
+        finished = self.finished()
+        return tuple(shard for shard in self.shards if shard not in finished)
 
     def write(self, shard: int, rows: Rows) -> None:
         """Write the results of a shard's cases, shape (len(cases),).
@@ -239,17 +250,17 @@ def create(folder: Path, campaign: Campaign) -> Store:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        begun = (folder / _MANIFEST).exists()
+        begun = (folder / MANIFEST).exists()
         orphan = next(folder.glob("shard-*"), None)
     except OSError as error:
         raise unwritable(folder, error) from error
     if not begun:
         if orphan is not None:
-            rule = f"results need their {_MANIFEST}, but there is only {orphan.name}"
+            rule = f"results need their {MANIFEST}, but there is only {orphan.name}"
             raise BadResults(str(folder), rule, "name an empty folder", slug="results-manifest")
         signed = {**campaign.manifest(), "sha256": _manifest_sum(campaign.manifest())}
         content = json.dumps(signed, indent=1, sort_keys=True, allow_nan=False) + "\n"
-        write_atomically(folder / _MANIFEST, content.encode())
+        write_atomically(folder / MANIFEST, content.encode())
         return Store(folder, campaign)
     store = open_results(folder)
     differing = differences(campaign.manifest(), store.campaign.manifest())
@@ -296,11 +307,11 @@ def open_results(folder: Path) -> Store:
         BadResults: there is no campaign, or its manifest is cut short, of another version or not a
             campaign's.
     """
-    path = folder / _MANIFEST
+    path = folder / MANIFEST
     try:
         document = json.loads(path.read_bytes())
     except OSError as error:
-        rule = f"a results folder holds a {_MANIFEST}, but: {error.strerror}"
+        rule = f"a results folder holds a {MANIFEST}, but: {error.strerror}"
         raise BadResults(str(folder), rule, "name a folder that a campaign wrote", slug="results-manifest") from error
     except (ValueError, RecursionError) as error:
         rule = f"must be JSON, but is cut short or changed: {error}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol as TypingProtocol
@@ -172,12 +172,13 @@ def kept_cases(given: Mapping[str, object], seed: int, folder: Path, study: str 
     return WorldCases(seed, world, criterion=str(given["criterion"]))
 
 
-def case_results(campaign: Campaign) -> list[CaseResult]:
-    """Return the sound verdict of every case of a campaign."""
+def case_results(campaign: Campaign, places: Sequence[int] | None = None) -> list[CaseResult]:
+    """Return the sound verdict of every case of a campaign, or of those at some places of its facts."""
+    facts = campaign.facts if places is None else campaign.facts[list(places)]
     return [
         CaseResult(campaign.cases.id(int(record["number"])), verdict, float(record["t_end"]) * 1e-9,
                    explained(record, campaign.requirements))
-        for record, verdict in zip(campaign.facts, verdicts(campaign.facts, campaign.requirements), strict=True)
+        for record, verdict in zip(facts, verdicts(facts, campaign.requirements), strict=True)
     ]  # fmt: skip
 
 

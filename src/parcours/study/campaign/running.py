@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from parcours.errors import BadResults
 from parcours.run.campaign import Prepares, run_campaign
 from parcours.run.heartbeat import LostCase, RunsStrangers
-from parcours.run.store import Campaign, Store
+from parcours.run.store import MANIFEST, Campaign, Store
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 from parcours.study.stopping import Rates, Watch, parse_rule
 
-MANIFEST = "campaign.json"
 CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
 
 
