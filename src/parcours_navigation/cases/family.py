@@ -8,8 +8,8 @@ stop durations of Table VII are drawn under that condition, so an obstacle that 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal
@@ -224,12 +224,11 @@ class SystemCases:
 class GivenCases(SystemCases):
     """Cases whose values are given instead of drawn: in any order of setting out."""
 
-    given: tuple[tuple[float, ...], ...] = ()  # of the cases from `first` on
-    first: int = 0
+    given: Mapping[int, tuple[float, ...]] = field(default_factory=dict, hash=False)  # by the number of the case
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the given values of the cases, shape (n, n_inputs)."""
-        return np.array(self.given)[numbers - self.first]
+        return np.array([self.given[number] for number in numbers.tolist()])
 
 
 @kernel

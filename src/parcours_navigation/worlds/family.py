@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,14 +123,13 @@ class WorldCases:
 class GivenWorldCases(WorldCases):
     """Cases whose values are given instead of drawn; all else is drawn by their numbers."""
 
-    given: tuple[tuple[float, ...], ...] = ()  # of the cases from `first` on
-    first: int = 0
+    given: Mapping[int, tuple[float, ...]] = field(default_factory=dict)  # by the number of the case
 
     __hash__ = WorldCases.__hash__
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the given values of the cases, shape (n, n_inputs)."""
-        return np.array(self.given)[numbers - self.first]
+        return np.array([self.given[number] for number in numbers.tolist()])
 
 
 def _and(names: Sequence[str]) -> str:
