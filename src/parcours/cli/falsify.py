@@ -26,7 +26,7 @@ def command(
     The search ends with the first failure, which is written as `parcours shrink` writes a case, or with the budget.
     The same seed takes the same way. Exit code 1 if a failure was found.
 
-    Example: parcours falsify flight --set pilot=mine.py:Pilot --budget 2000 --out out/found
+    Example: parcours falsify my_study --budget 2000 --out out/found
 
     Example: parcours shrink out/found/run 117 --out tests/found
     """

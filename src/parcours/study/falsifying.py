@@ -42,6 +42,10 @@ class Search(Protocol):
     def inputs(self) -> InputModel:
         """The test inputs."""
 
+    @property
+    def event(self) -> str:
+        """What it is to fail, in words."""
+
     def simulate(
         self, values: Floats, numbers: NDArray[np.int64]
     ) -> tuple[Floats, Sequence[Sequence[str]]]:  # fmt: skip
@@ -155,7 +159,7 @@ def falsify(
         if why or far[first] < best:
             best, nearest, at = float(far[first]), values[first], done + first
         done += first + 1 if why else n
-        progress(f"simulations, nearest {best:.4g}", done, budget)
+        progress(f"simulations\nnearest {best:.4g}", done, budget)
         elite, scores = np.concatenate([elite, points]), np.concatenate([scores, far])
         order = np.argsort(scores, kind="stable")[:ELITE]
         elite, scores = elite[order], scores[order]
