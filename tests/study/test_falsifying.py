@@ -67,7 +67,7 @@ def test_cases_lie_in_their_domains_and_meet_the_constraints() -> None:
     given = parse_input_model(AXES + "constraints: {near: {row: a + b < 3}}\n", "axes")
     for method in ("cross-entropy", "random"):
         search = Bowl(-1.0, given)
-        ran(search, 1, method, 400)  # type: ignore[arg-type]
+        ran(search, 1, method, 400)
         seen = np.concatenate(search.seen)
         assert (seen[:, 0] + seen[:, 1] < 3.0).all() and given.blocks_of(seen).min() >= 0
     assert set(seen[:, 3].tolist()) <= {0.0, 1.0, 2.0, 3.0, 4.0, 5.0}
