@@ -40,6 +40,7 @@ COMMANDS = {
     "history": "A file with one line per run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "studio": "Edit, run and watch the studies of a folder in the browser.",
+    "falsify": "Look for a failing case over the input domains of a study.",
     "shrink": "A failing case made small, and kept as a test.",
     "completion": "Print a script that completes commands in your shell.",
     "compile": "Compile all kernels now, on all processors.",

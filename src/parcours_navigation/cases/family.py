@@ -8,8 +8,8 @@ stop durations of Table VII are drawn under that condition, so an obstacle that 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal
@@ -218,6 +218,17 @@ class SystemCases:
             obstacles["announced"] = obstacles["start"] - round(STATIC * 1e9)
         _place(x, y, obstacles)
         return obstacles
+
+
+@dataclass(frozen=True, slots=True)
+class GivenCases(SystemCases):
+    """Cases whose values are given instead of drawn: in any order of setting out."""
+
+    given: Mapping[int, tuple[float, ...]] = field(default_factory=dict, hash=False)  # by the number of the case
+
+    def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the given values of the cases, shape (n, n_inputs)."""
+        return np.array([self.given[number] for number in numbers.tolist()])
 
 
 @kernel

@@ -96,6 +96,33 @@ def holds(rule: Formula, facts: Facts) -> Flags:
             raise AssertionError(rule)  # not parsed in a pass rule
 
 
+def distance(rule: Formula, facts: Facts) -> Values:
+    """Return how far a pass rule is from holding, negative where it holds, shape (n_cases,); FAR for a missing value.
+
+    >>> from parcours_navigation.facts import FACTS
+    >>> from parcours_navigation.requirements.requirement import requirements_of
+    >>> facts = np.zeros(2, FACTS)
+    >>> facts["min_clearance"], facts["t_end"] = [0.2, 0.04], 7_000_000_000
+    >>> distance(requirements_of({}, ["clearance < 5 cm or time > 30 s"]).rules[0].formula, facts).round(3).tolist()
+    [0.15, -0.01]
+    """
+    match rule:
+        case Comparison(operator, left, right):
+            a, b = _number(left, facts), _number(right, facts)
+            far = a - b if operator in ("<", "<=") else b - a
+            return np.broadcast_to(np.nan_to_num(far, nan=FAR, posinf=FAR, neginf=-FAR), len(facts))
+        case Not(operand):
+            return -distance(operand, facts)
+        case Junction("and", left, right):
+            return np.maximum(distance(left, facts), distance(right, facts))
+        case Junction("or", left, right):
+            return np.minimum(distance(left, facts), distance(right, facts))
+        case Junction(_, left, right):
+            return np.minimum(-distance(left, facts), distance(right, facts))
+        case _:
+            raise AssertionError(rule)  # not parsed in a pass rule
+
+
 def _number(node: Number, facts: Facts) -> Values:
     with np.errstate(all="ignore"):
         match node:

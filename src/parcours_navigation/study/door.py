@@ -37,6 +37,7 @@ from parcours_navigation.study.study import study_of
 from parcours_navigation.worlds.family import WorldCases
 
 if TYPE_CHECKING:
+    from parcours.study.falsifying import Search
     from parcours.study.shrinking import WrittenCase
 
 _TIMES = {
@@ -133,6 +134,16 @@ class Navigation:
         from parcours_navigation.study.shrinking import written
 
         return written(self.read(folder), folder, case)
+
+    def search(self, settings: Settings, seed: int) -> Search:
+        """Return its cases by the values of their test inputs."""
+        from parcours_navigation.study.falsifying import PlannerSearch
+
+        study = self.study(settings, seed)
+        scenario = Scenario(**{name: float(settings[name]) for name in _TIMES})  # type: ignore[arg-type]
+        if isinstance(study.cases, WorldCases):
+            scenario = dataclasses.replace(scenario, time_limit=LONGEST)
+        return PlannerSearch(study, scenario, settings)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents."""

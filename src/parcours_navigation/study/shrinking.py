@@ -193,7 +193,15 @@ def written(results: Results, folder: Path, case: str) -> WrittenWorld:
         rule = "its cases must be ones that can be written as a world, but they did not run in simulated time"
         raise BadRequest(str(folder), rule, "replay the case instead", slug="shrink-study")
     id, number = results.case(case)
-    found = results.found.as_navigation()
+    asked = cast("Mapping[str, Mapping[str, Scalar]]", read_question(folder)["question"])["settings"]
+    return written_case(results.found.as_navigation(), id, number, asked)
+
+
+def written_case(found: NavigationResults, id: str, number: int, asked: Mapping[str, Scalar]) -> WrittenWorld:
+    """Return a failing case as a world file; `asked` are the parameters of its run.
+
+    Raises BadRequest: it did not fail.
+    """
     [record] = found.facts[found.facts["number"] == number]
     failed, said = causes(record, found.requirements), explained(record, found.requirements)
     if not failed:
@@ -208,7 +216,6 @@ def written(results: Results, folder: Path, case: str) -> WrittenWorld:
     closed = one.scene.obstacles[: len(one.scene.obstacles) - len(one.scene.agents)]
     end = min(one.end, scenario.time_limit) if isinstance(given, WorldCases) else one.end
     data = case_data(plan, base, closed, end)
-    asked = cast("Mapping[str, Mapping[str, Scalar]]", read_question(folder)["question"])["settings"]
     plain = Scenario()
     settings = {name: getattr(scenario, name) for name in _TIMES if getattr(scenario, name) != getattr(plain, name)}
     settings |= {name: asked[name] for name in ("require", "fail", "measure") if asked.get(name)}

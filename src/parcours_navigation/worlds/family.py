@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,19 @@ class WorldCases:
 
     def __hash__(self) -> int:
         return hash((self.seed, self.world.digest, self.study, self.criterion))
+
+
+@dataclass(frozen=True, slots=True)
+class GivenWorldCases(WorldCases):
+    """Cases whose values are given instead of drawn; all else is drawn by their numbers."""
+
+    given: Mapping[int, tuple[float, ...]] = field(default_factory=dict)  # by the number of the case
+
+    __hash__ = WorldCases.__hash__
+
+    def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the given values of the cases, shape (n, n_inputs)."""
+        return np.array([self.given[number] for number in numbers.tolist()])
 
 
 def _and(names: Sequence[str]) -> str:

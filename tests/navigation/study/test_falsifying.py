@@ -1,0 +1,79 @@
+"""What a search for failing cases finds is a case like any other: replayed, reproduced, made small, kept as a test."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from parcours.cli import parcours
+from parcours.study.parameters import settings_of
+from parcours_navigation.requirements.judging import FAR
+from parcours_navigation.study.door import study
+
+
+def invoke(*words: str) -> Result:
+    return CliRunner().invoke(parcours, list(words))
+
+
+def falsified(out: Path, *more: str) -> Result:
+    return invoke("falsify", "navigation", "--set", "planner=straight-ahead", "--out", str(out), *more)
+
+
+def test_a_failure_is_found_kept_made_small_and_reproduced(tmp_path: Path) -> None:
+    result = falsified(tmp_path / "found", "--seed", "5", "--cause", "collided", "--json")
+    found = json.loads(result.stdout)
+    assert (result.exit_code, found["cause"], found["seed"]) == (1, "collided", 5) and found["robustness"] < 0.0
+    world, test, run = map(Path, found["files"])
+    [function] = [one for name, one in runpy.run_path(str(test)).items() if name.startswith("test_")]
+    with pytest.raises(AssertionError, match="collided"):
+        function()
+    number = str(found["number"])
+    assert "the robot drove into an obstacle" in " ".join(invoke("replay", str(run), number).stdout.split())
+    assert "1 of 1 failing cases reproduced" in invoke("reproduce", str(run)).stdout
+    small = json.loads(invoke("shrink", str(run), number, "--out", str(tmp_path / "small"), "--json").stdout)
+    assert small["cause"] == "collided" and small["after"]["digits"] < small["before"]["digits"]
+    assert json.loads(falsified(tmp_path / "again", "--seed", "5", "--cause", "collided", "--json").stdout) == {
+        **found, "files": [one.replace("found/", "again/", 1) for one in found["files"]]
+    }  # fmt: skip
+    assert (tmp_path / "again" / world.name).read_bytes() == world.read_bytes()
+
+
+def test_what_the_study_requires_decides_what_is_searched_for(tmp_path: Path) -> None:
+    rule = ("--set", "fail=clearance < -0.17", "--cause", "fails by", "--json")
+    found = json.loads(falsified(tmp_path / "found", *rule).stdout)
+    assert found["cause"] == "fails by clearance < -0.17" and found["robustness"] < 0.0
+    none = falsified(tmp_path / "none", "--set", "require=lives: always clearance > -9", "--cause", "violates",
+                     "--budget", "3")  # fmt: skip
+    assert none.exit_code == 0 and "no failure in 3 simulations; nearest 8." in none.stdout
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"planner": "ramp-guarded"},
+        {"planner": "straight-ahead", "world": "crossing-flows"},
+        {"planner": "straight-ahead", "protocol": "published"},
+    ],
+)
+def test_with_the_values_that_a_campaign_draws_a_case_is_the_campaign_s(given: dict[str, str]) -> None:
+    settings = settings_of(study().parameters, given)
+    campaign, search = study().study(settings, 7), study().search(settings, 7)
+    numbers = np.array([40, 3])
+    values = campaign.cases.values(numbers)
+    again = search._with(values, numbers)  # type: ignore[attr-defined]
+    assert again.run(numbers).tobytes() == campaign.run(numbers).tobytes()
+    far, _ = search.simulate(values, numbers)
+    assert (far < FAR).all() and (search.simulate(values[::-1], numbers[::-1])[0] == far[::-1]).all()
+
+
+def test_what_cannot_be_searched_is_refused(tmp_path: Path) -> None:
+    parking = str(Path(__file__).parents[3] / "examples" / "parking")
+    other = invoke("falsify", parking, "--out", str(tmp_path / "no"))
+    assert "falsify-study" in str(other.exception) and other.exit_code
+    assert not (tmp_path / "no").exists()
