@@ -55,32 +55,6 @@ def test_help_names_every_stage_and_imports_nothing_heavy() -> None:
         assert f"\n  {stage} " in printed
 
 
-@pytest.mark.parametrize(
-    "stage",
-    [
-        "model check",
-        "model show",
-        "convert",
-        "explore",
-        "paths",
-        "feasible",
-        "walk",
-        "abtc",
-        "data draw",
-        "data measure",
-        "data criteria",
-        "data convert",
-        "suite",
-        "export pytest",
-        "run",
-        "report",
-        "demo",
-    ],
-)
-def test_every_command_has_help_with_an_example(stage: str) -> None:
-    assert "Example: parcours" in parcours(*stage.split(), "--help")
-
-
 def test_the_papers_gaps_are_warnings_and_leave_the_model_usable() -> None:
     found = json.loads(parcours("model", "check", MODEL, "--json"))
     unread = [finding["message"] for finding in found if finding["rule"] == "unread-channel"]

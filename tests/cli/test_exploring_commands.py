@@ -45,7 +45,7 @@ def test_explore_prints_a_deadlock_with_its_witness_and_returns_1(tmp_path: Path
     assert printed[0] == "supper: 4 states, 6 transitions" and printed[1].startswith("complete; ")
     assert "Table.Ann in waits, Table.Bob in waits [deadlock] (1 states, first after 2 moves)" in printed[2]
     assert [line.split() for line in printed[3:5]] == [["1", "a1"], ["2", "b1"]]
-    assert len(run("explore", file, "--witness", 0, code=1).splitlines()) == 3
+    assert len(run("explore", file, "--show", 0, code=1).splitlines()) == 3
 
 
 def test_explore_speaks_json(tmp_path: Path) -> None:
@@ -115,9 +115,9 @@ def test_abtc_lists_counts_and_compares() -> None:
 def test_sequences_of_one_case_are_counted_sampled_and_listed() -> None:
     case = ("abtc", MODEL, "--case", "ITP1-tp12.tp21.tp12-0.0.2", "--sequences")
     assert run(*case, "count").split()[-1] == "8190"
-    drawn = json.loads(run(*case, "sample", "--number", 3, "--json"))
+    drawn = json.loads(run(*case, "sample", "--sample", 3, "--json"))
     assert len(drawn) == 3 and {len(each["events"]) for each in drawn} == {17}
-    assert drawn == json.loads(run(*case, "sample", "--number", 3, "--json"))
+    assert drawn == json.loads(run(*case, "sample", "--sample", 3, "--json"))
     assert len(run(*case, "all").splitlines()) == 8190
 
 

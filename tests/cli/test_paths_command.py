@@ -80,19 +80,19 @@ def test_criteria_over_channels_cover_the_composition(model: Path) -> None:
 
 
 def test_requirements_are_listed_by_machine(model: Path) -> None:
-    needs = json.loads(run(model, "--criterion", "prime", "--machine", "door", "--requirements", "--json"))
+    needs = json.loads(run(model, "--criterion", "prime", "--machine", "door", "--list", "--json"))
     assert {tuple(need["steps"]) for need in needs} == {("wait",), ("sleep",), ("open", "close"), ("close", "open")}
-    assert "5 requirements" in run(model, "--criterion", "prime", "--requirements")
+    assert "5 requirements" in run(model, "--criterion", "prime", "--list")
 
 
 def test_recorded_runs_are_measured_with_the_tours_asked_for(model: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs.txt"
     runs.write_text('ring+open wait close\n["sleep"]\n')
-    asked = (model, "--criterion", "prime", "--measure", runs, "--component", "Hall")
+    asked = (model, "--criterion", "prime", "--coverage-of", runs, "--component", "Hall")
     assert "met 2 of 4" in run(*asked)
     found = json.loads(run(*asked, "--tours", "sidetrips", "--json"))
     assert (len(found["met"]), found["missed"][0]["steps"]) == (3, ["close", "open"])
-    assert "met 1 of 1" in run(model, "--criterion", "rendezvous", "--measure", runs)
+    assert "met 1 of 1" in run(model, "--criterion", "rendezvous", "--coverage-of", runs)
 
 
 def test_names_that_are_not_there_are_refused(model: Path) -> None:
@@ -132,7 +132,7 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
 
 def test_a_limit_on_the_requirements_holds_everywhere(model: Path, tmp_path: Path) -> None:
     (tmp_path / "runs.txt").write_text("wait\n")
-    asked = (model, "--criterion", "prime", "--most", 2)
-    for more in ([], ["--requirements"], ["--composition"], ["--measure", tmp_path / "runs.txt"]):
+    asked = (model, "--criterion", "prime", "--max-requirements", 2)
+    for more in ([], ["--list"], ["--composition"], ["--coverage-of", tmp_path / "runs.txt"]):
         with pytest.raises(BadRequest, match=r"stopped at 3 of \d+ steps in all, .*\[too-many-requirements\]"):
             run(*asked, *more)

@@ -18,7 +18,7 @@ def test_a_recording_is_told_and_written_in_the_other_formats(tmp_path: Path) ->
     bag, target, lines = tmp_path / "run.bag", tmp_path / "run.mcap", tmp_path / "run.jsonl"
     trace = Trace("wall", EVENTS, "ros1", "case-1")
     write_recording(bag, trace, about={"verdict": "pass"})
-    result = CliRunner().invoke(command, [str(bag), "--to", str(target), "--trace", str(lines)])
+    result = CliRunner().invoke(command, [str(bag), "--out", str(target), "--trace", str(lines)])
     assert result.exit_code == 0, result.output
     said = result.output.splitlines()
     assert said[0] == "case case-1 on ros1, wall clock"
@@ -40,5 +40,5 @@ def test_an_incomplete_recording_is_said_to_be_so(tmp_path: Path) -> None:
 def test_a_target_of_no_known_format_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.bag"
     write_recording(path, Trace("wall", EVENTS))
-    result = CliRunner().invoke(command, [str(path), "--to", str(tmp_path / "run.txt")])
+    result = CliRunner().invoke(command, [str(path), "--out", str(tmp_path / "run.txt")])
     assert isinstance(result.exception, BadRequest) and "recording-suffix" in str(result.exception)

@@ -47,7 +47,7 @@ def test_its_results_are_shown_and_compared(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [("run", "navigation", "--planner", "orca", "--out", "out"), ("data", "draw", LIFT, "--criterion", "pairwise")],
+    [("run", "navigation", "--planner", "orca", "--out", "out"), ("data", "draw", LIFT, "--combine", "pairwise")],
 )
 def test_what_needs_one_says_so(tmp_path: Path, arguments: tuple[object, ...]) -> None:
     done = _parcours(tmp_path, *arguments)

@@ -155,7 +155,7 @@ def test_mutants_of_the_lift_are_noticed_but_for_what_no_oracle_looks_at(tmp_pat
         "examples/lift",
         "--sample",
         "0",
-        "--twin",
+        "--twin-cases",
         "8",
         "--workers",
         "2",
@@ -169,7 +169,18 @@ def test_mutants_of_the_lift_are_noticed_but_for_what_no_oracle_looks_at(tmp_pat
     model = (lift / "model.yaml").read_text()
     model = re.sub(r"close\([0-9.]+\)", "close", model).replace("it.hold >= 500 ms && it.hold <= 10 s", "true")
     (lift / "model.yaml").write_text(model)  # it says no more for how long the door waits
-    arguments = ["mutate", str(lift), "--sample", "0", "--twin", "8", "--workers", "2", "--out", str(tmp_path / "out")]
+    arguments = [
+        "mutate",
+        str(lift),
+        "--sample",
+        "0",
+        "--twin-cases",
+        "8",
+        "--workers",
+        "2",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     run = CliRunner().invoke(parcours, [*arguments, "--json", "--fail-if", "score < 99%"])
     assert run.exit_code == 1, run.output
     document = json.loads(run.stdout)
@@ -200,20 +211,31 @@ def outcomes(*arguments: str, out: Path) -> dict[str, list[str]]:
 
 
 def test_a_model_that_sends_something_else_finds_clean_runs_at_fault(tmp_path: Path) -> None:
-    found = outcomes("examples/lift", "--of", "model", "--operators", "message,guard", out=tmp_path)
+    found = outcomes("examples/lift", "--target", "model", "--operators", "message,guard", out=tmp_path)
     assert found["Panel:p1:1:message"] == ["conformance"]  # request dropped
     assert {"Cabin:c1:1:guard", "Door:d1:2:guard"} <= set(found)
     assert found["Door:d1:2:guard"] == ["model check"]  # dropped: no clean run contradicts it, but d2 excludes d1
 
 
 def test_messages_lost_and_doubled_on_the_way_are_noticed(tmp_path: Path) -> None:
-    found = outcomes("examples/lift", "--of", "channels", "--operators", "drop,duplicate", out=tmp_path)
+    found = outcomes("examples/lift", "--target", "channels", "--operators", "drop,duplicate", out=tmp_path)
     assert {"component cases", "golden twin"} <= set(found["request:Cabin:1:drop"])
     assert len(found) == 10
 
 
 def test_the_simulation_of_a_campaign_is_mutated_and_judged_by_its_oracles(tmp_path: Path) -> None:
-    only = ("--only", "parking:drive", "--operators", "arithmetic", "--cases", "40", "--twin", "0", "--sample", "6")
+    only = (
+        "--only",
+        "parking:drive",
+        "--operators",
+        "arithmetic",
+        "--cases",
+        "40",
+        "--twin-cases",
+        "0",
+        "--sample",
+        "6",
+    )
     found = outcomes("examples/parking", *only, out=tmp_path)
     assert len(found) == 6 and ["campaign oracles", "golden twin"] in found.values()
 
@@ -230,8 +252,8 @@ def test_a_study_says_which_files_are_mutated(tmp_path: Path) -> None:
 
 
 def test_another_criterion_selects_other_cases(tmp_path: Path) -> None:
-    only = ("--only", "Cabin.__init__", "--operators", "off by one", "--twin", "0", "examples/lift")
-    edge, pair = (outcomes(*only, "--paths", name, out=tmp_path / name) for name in ("edge", "edge-pair"))
+    only = ("--only", "Cabin.__init__", "--operators", "off by one", "--twin-cases", "0", "examples/lift")
+    edge, pair = (outcomes(*only, "--criterion", name, out=tmp_path / name) for name in ("edge", "edge-pair"))
     assert set(edge) == set(pair)
     assert {"component cases", "golden twin"} <= set(pair["lift:Cabin.__init__:2:off-by-one"])
 
@@ -251,7 +273,7 @@ def test_mutants_that_die_or_never_end_are_noticed_and_cost_only_themselves(tmp_
     (tmp_path / "lift.py").write_text(text.replace("from parcours.study", "import os\nfrom parcours.study"))
     run = CliRunner().invoke(
         parcours,
-        ["mutate", str(tmp_path), "--only", "Panel.call", "--operators", "relation,stale", "--twin", "0",
+        ["mutate", str(tmp_path), "--only", "Panel.call", "--operators", "relation,stale", "--twin-cases", "0",
          "--workers", "2", "--out", str(tmp_path / "out"), "--json"],
     )  # fmt: skip
     assert run.exit_code == 0, run.output
@@ -277,8 +299,8 @@ def test_a_survivor_says_in_which_field_of_which_message_it_parts_from_the_origi
         str(patient_lift(tmp_path)),
         "--only",
         "Cabin.request:1:constant",
-        "--no-data",
-        "--twin",
+        "--no-data-oracles",
+        "--twin-cases",
         "0",
         "--workers",
         "1",

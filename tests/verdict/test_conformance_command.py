@@ -84,8 +84,8 @@ def test_json_says_the_same(conform: Run) -> None:
 
 
 def test_silence_is_a_deviation_where_a_timeout_is_given(conform: Run) -> None:
-    assert conform(TAKEN, "--until", "30").exit_code == 0
-    result = conform(TAKEN, "--quiet", "light=20", "--until", "30")
+    assert conform(TAKEN, "--duration", "30").exit_code == 0
+    result = conform(TAKEN, "--quiescence", "light=20", "--duration", "30")
     assert result.exit_code == 1
     assert "nothing came on light within 20 ms" in result.output
 
@@ -102,13 +102,15 @@ def test_what_cannot_be_decided_exits_with_3(conform: Run) -> None:
     assert result.output.startswith("inconclusive: the trace shows no transitions")
 
 
-@pytest.mark.parametrize("option", ["--quiet light", "--quiet light=soon", "--until nan", "--until inf"])
+@pytest.mark.parametrize(
+    "option", ["--quiescence light", "--quiescence light=soon", "--duration nan", "--duration inf"]
+)
 def test_times_that_are_none_are_refused(conform: Run, option: str) -> None:
     assert isinstance(conform(TAKEN, *option.split()).exception, BadRequest)
 
 
 def test_unknown_names_and_files_that_are_no_traces_are_refused(conform: Run, tmp_path: Path) -> None:
-    for option in (("--component", "Lump"), ("--quiet", "lihgt=1"), ("--unmodelled", "lihgt")):
+    for option in (("--component", "Lump"), ("--quiescence", "lihgt=1"), ("--unmodelled", "lihgt")):
         assert isinstance(conform(TAKEN, *option).exception, BadRequest)
     (tmp_path / "other.jsonl").write_text("{}\n")
     result = CliRunner().invoke(command, [str(tmp_path / "other.jsonl"), "--model", str(tmp_path / "model.yaml")])

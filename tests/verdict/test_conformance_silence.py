@@ -253,7 +253,7 @@ def test_a_silent_component_without_a_timeout_is_undecided_and_told_which_option
     found = check(Trace("wall", heard), WORKER)
     assert found.judgement.verdict is Verdict.INCONCLUSIVE
     nothing = check(Trace("wall", ()), WORKER, component="Heart")
-    assert "Heart must send on beat: a timeout (--quiet beat=MS) and --until decide" in nothing.judgement.why
+    assert "Heart must send on beat: a timeout (--quiescence beat=MS) and --duration decide" in nothing.judgement.why
     assert "--component" in check(Trace("wall", ()), WORKER).judgement.why
     late = check(Trace("wall", ()), WORKER, component="Heart", quiescence={"beat": MS}, until=2 * MS)
     assert late.judgement.verdict is Verdict.FAIL

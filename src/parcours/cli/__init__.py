@@ -9,6 +9,7 @@ import click
 
 from parcours import __version__
 from parcours.cli.extending import added
+from parcours.cli.renaming import renamed
 from parcours.errors import ParcoursError
 
 COMMANDS = {
@@ -65,6 +66,12 @@ class _Stages(click.Group):
             return None
         command: click.Command = importlib.import_module(f"parcours.cli.{cmd_name}").command
         return command
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except click.NoSuchOption as error:
+            raise renamed(error) or error from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

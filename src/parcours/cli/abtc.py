@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from parcours.cli.options import as_json, count, model_file, print_json, print_rows, read_model
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from parcours.abtc import AbstractCase, Order
     from parcours.model import Cefsm
 
 
+@formerly({"--number": "--sample"})
 @click.command("abtc")
 @model_file
 @click.option("--policy", default=None, help="Point policy of the serialisation; by default the model's own.")
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 @click.option("--dropped", is_flag=True, help="Print the combinations that have no rendezvous, and why.")
 @click.option("--sequences", type=click.Choice(["count", "sample", "all"]),
               help="Serialised execution sequences (APSESCC) of each combination, or of --case.")  # fmt: skip
-@count("--number", default=10, help="How many sequences to sample.")
+@count("--sample", "number", default=10, help="How many sequences to sample.")
 @count("--seed", default=1, least=0, most=2**63 - 1, help="Seed of the sample.")
 @as_json
 def command(

@@ -9,21 +9,29 @@ from typing import TYPE_CHECKING
 import click
 
 from parcours.cli.options import PATH, StudyFile, as_json, choice, count, print_json, read_model
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from parcours.verdict.conformance import Conformance, Expectation
 
 
+@formerly({"--hidden": "--max-states", "--quiet": "--quiescence", "--until": "--duration"})
 @click.command("conform")
 @click.argument("trace", type=PATH)
 @click.option("--model", type=StudyFile("model"), required=True, help="The model file, or a study that has one.")
-@click.option("--component", "components", multiple=True, help="Follow this component only; repeatable. [default: all]")
+@click.option(
+    "--component", "components", multiple=True, help="Follow this component only; may be repeated. [default: all]"
+)
 @choice("--observes", "transitions", "messages", help="Whether the trace names transitions, or only messages.")
-@click.option("--quiet", "quiet", multiple=True, metavar="CHANNEL=MS", help="How long an expected message may take.")
-@click.option("--until", type=click.FloatRange(0.0), help="Length of the observation [ms]. [default: last event]")
-@click.option("--unmodelled", multiple=True, metavar="CHANNEL", help="Sends there need no transition; repeatable.")
+@click.option(
+    "--quiescence", "quiet", multiple=True, metavar="CHANNEL=MS", help="How long an expected message may take."
+)
+@click.option(
+    "--duration", "until", type=click.FloatRange(0.0), help="Length of the observation [ms]. [default: last event]"
+)
+@click.option("--unmodelled", multiple=True, metavar="CHANNEL", help="Sends there need no transition; may be repeated.")
 @click.option("--conversations", is_flag=True, help="An answer counts for the latest question only.")
-@count("--hidden", default=2000, help="Most states followed through unobserved steps.")
+@count("--max-states", "hidden", default=2000, help="Most states to keep, followed through unobserved steps.")
 @as_json
 def command(
     trace: Path, model: Path, components: tuple[str, ...], observes: str, quiet: tuple[str, ...], until: str | None,
@@ -33,7 +41,7 @@ def command(
 
     Exit code 0 if the trace conforms, 1 if it deviates, 3 if that cannot be decided, 2 if the input is wrong.
 
-    Example: parcours conform trace.jsonl --model model.yaml --quiet reply=20 --json
+    Example: parcours conform trace.jsonl --model model.yaml --quiescence reply=20 --json
     """
     from parcours.run.trace import read_trace
     from parcours.verdict.conformance import Allowance, check
@@ -47,7 +55,7 @@ def command(
         quiescence=dict(map(_timeout, quiet)),
         allowance=Allowance(frozenset(unmodelled), conversations),
         hidden=hidden,
-        until=None if until is None else _nanoseconds("--until", until),
+        until=None if until is None else _nanoseconds("--duration", until),
     )
     if as_json:
         print_json(_record(found))
@@ -59,7 +67,7 @@ def command(
 
 def _timeout(text: str) -> tuple[str, int]:
     channel, _, time = text.partition("=")
-    return channel, _nanoseconds("--quiet", time, text)
+    return channel, _nanoseconds("--quiescence", time, text)
 
 
 def _nanoseconds(option: str, text: str, whole: str = "") -> int:

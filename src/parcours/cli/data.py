@@ -9,6 +9,7 @@ import click
 from click.exceptions import Exit
 
 from parcours.cli.options import PATH, as_json, count, data_file, print_json, print_rows, seed, set_parameters
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,17 +25,24 @@ if TYPE_CHECKING:
 def command() -> None:
     """Rows of test data from input models, and what any table of data covers.
 
-    Example: parcours data draw domains.yaml --criterion pairwise
+    Example: parcours data draw domains.yaml --combine pairwise
     """
 
 
+@formerly({"--budget": "--max-time", "--criterion": "--combine", "--must": "--include", "--rows": "--cases"})
 @command.command("draw")
 @data_file
-@click.option("--criterion", default="each_choice", show_default=True, help="How blocks are combined.")
-@count("--rows", most=1_000_000, help="How many rows; by default one set of the criterion.")
-@click.option("--must", type=PATH, help="Table of rows to include; they count towards the criterion.")
+@click.option("--combine", "criterion", default="each_choice", show_default=True, help="How blocks are combined.")
+@count("--cases", "rows", most=1_000_000, help="How many, a row each; by default one set of the criterion.")
+@click.option("--include", "must", type=PATH, help="Table of rows to include; they count towards the criterion.")
 @click.option("--boundaries", is_flag=True, help="Values on, just inside and just outside the ends of the blocks.")
-@click.option("--budget", type=click.FloatRange(0.0, 86_400.0), help="Seconds to search; by default a fixed effort.")
+@click.option(
+    "--max-time",
+    "budget",
+    type=click.FloatRange(0.0, 86_400.0),
+    metavar="SECONDS",
+    help="End the search after so much time; by default after a fixed effort.",
+)
 @seed
 @as_json
 def draw_rows(
@@ -43,10 +51,10 @@ def draw_rows(
 ) -> None:  # fmt: skip
     """Draw rows of values from the blocks of an input model, and say which blocks they hit.
 
-    With --rows, further sets of the criterion follow the first one, or it is cut off. Exit code 3 if combinations were
-    not decided within the budget.
+    With --cases, further sets of the criterion follow the first one, or it is cut off. Exit code 3 if combinations were
+    not decided in time.
 
-    Example: parcours data draw domains.yaml --criterion 3-wise --budget 10
+    Example: parcours data draw domains.yaml --combine 3-wise --max-time 10
     """
     from parcours.cli.progress import progress, say_if_cold
     from parcours.data import cover
@@ -115,9 +123,10 @@ def _print_rows(chosen: RowSelection, values: NDArray[np.float64]) -> None:
             click.echo(f"{what}: {n - 20} more")
 
 
+@formerly({"--model": "--data"})
 @command.command("measure")
 @click.argument("table", type=PATH)
-@click.option("--model", "file", required=True, type=PATH, help="Input model with the blocks and rules.")
+@click.option("--data", "file", required=True, type=PATH, help="Input model with the blocks and rules.")
 @count("--strength", default=2, most=6, help="How many inputs are combined.")
 @count("--show", default=20, least=0, most=1_000_000, help="How much to list.")
 @as_json
@@ -126,7 +135,7 @@ def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bo
 
     With a PICT model, what PICT prints is read too: tabs, its own names, ~ before negative values.
 
-    Example: parcours data measure cases.csv --model domains.yaml --strength 3
+    Example: parcours data measure cases.csv --data domains.yaml --strength 3
     """
     from parcours.data.measuring import measure
     from parcours.data.tables import read_table

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from parcours.cli.options import as_json, count, model_file, print_json, read_altered
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from parcours.model import Move
@@ -17,10 +18,11 @@ _SHOWN = 3
 """Most doubts that are named."""
 
 
+@formerly({"--max-seconds": "--max-states", "--witness": "--show"})
 @click.command("explore")
 @model_file
 @count("--max-states", default=1_000_000, most=1 << 30, help="Most states to keep.")
-@count("--witness", "witnesses", default=3, least=0, help="How many findings to show with a shortest run to them.")
+@count("--show", "witnesses", default=3, least=0, help="How many findings to show with a shortest run to them.")
 @as_json
 def command(file: Path, max_states: int, witnesses: int, as_json: bool) -> None:
     """Explore the composition of a model's components: every state and move, deadlocks, lost messages, dead parts.
@@ -28,7 +30,7 @@ def command(file: Path, max_states: int, witnesses: int, as_json: bool) -> None:
     Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0. Errors are
     doubtful, with exit code 3, in a model of another tool's file that says more than the model keeps.
 
-    Example: parcours explore model.yaml --max-states 100000 --witness 1
+    Example: parcours explore model.yaml --max-states 100000 --show 1
     """
     from parcours.cli.progress import progress
     from parcours.model.composition import explore

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from parcours.cli.options import as_json, count, model_file, print_json, read_altered, seed
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
@@ -18,12 +19,13 @@ Decided = tuple[str, str, "Executability"]
 """A component, its machine, and what was found."""
 
 
+@formerly({"--budget": "--max-work"})
 @click.command("feasible")
 @model_file
 @click.option("--criterion", default="edge", show_default=True, help="What to cover: node, edge, edge-pair, prime, ...")
 @click.option("--component", default="", help="Only this component.")
 @click.option("--machine", default="", help="Only this machine.")
-@count("--budget", default=10_000, help="Most work for all machines together; a unit takes about 1 ms.")
+@count("--max-work", "budget", default=10_000, help="Most work for all machines together; a unit takes about 1 ms.")
 @click.option("--anywhere", is_flag=True, help="Let paths end anywhere, not only where a test may end.")
 @seed
 @as_json
@@ -36,7 +38,7 @@ def command(
     prime, complete-round-trip, complete:N, specified:WALKS and all-du-paths do. simple-round-trip, all-defs and
     all-uses are refused, for any of several paths meets them: ask for complete-round-trip or all-du-paths instead.
 
-    Example: parcours feasible model.yaml --criterion edge-pair --component Planner --machine cycles --budget 30000
+    Example: parcours feasible model.yaml --criterion edge-pair --component Planner --machine cycles --max-work 30000
     """
     from parcours.cli.progress import progress
     from parcours.errors import require_known

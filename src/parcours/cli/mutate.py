@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from parcours.cli.options import PATH, as_json, choice, count, fail_if, print_json, seed, set_parameters, workers
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from parcours.study.mutation.laboratory import Kind
@@ -16,19 +17,30 @@ if TYPE_CHECKING:
     from parcours.study.protocol import Study
 
 
+@formerly({"--no-data": "--no-data-oracles", "--of": "--target", "--paths": "--criterion", "--twin": "--twin-cases"})
 @click.command("mutate")
 @click.argument("studies", nargs=-1, required=True, metavar="STUDY...")
-@choice("--of", "code", "model", "channels", help="What is changed: Python, transitions, or messages on their way.")
+@choice("--target", "code", "model", "channels", help="What is changed: Python, transitions, or messages on their way.")
 @set_parameters
 @count("--sample", least=0, default=200, help="How many mutants, drawn by the seed; 0 for all.")
 @click.option("--operators", default="", metavar="NAME,...", help="Mutants of these operators only.")
 @click.option("--only", default="", help="Only mutants whose id contains this: a module, a function, an id.")
-@click.option("--paths", default="", help="Criterion of internal paths, instead of the study's; or random.")
+@click.option(
+    "--criterion", "paths", default="", help="Criterion of internal paths, instead of the study's; or random."
+)
 @click.option("--combine", default="", help="Criterion by which blocks are combined, instead of the study's.")
-@click.option("--no-data", is_flag=True, help="Leave out formulas, reference implementations and relations.")
+@click.option(
+    "--no-data-oracles", "no_data", is_flag=True, help="Leave out formulas, reference implementations and relations."
+)
 @click.option("--compare", "comparing", is_flag=True, help="Compare criteria, data oracles off, and random tests.")
 @count("--cases", help="How many cases of the study, the first ones.  [default: the study's]")
-@count("--twin", least=0, default=200, help="In how many cases an effect is looked for, if the suite shows none.")
+@count(
+    "--twin-cases",
+    "twin",
+    least=0,
+    default=200,
+    help="In how many cases an effect is looked for, if the suite shows none.",
+)
 @click.option("--list", "listed", is_flag=True, help="Print the mutants as diffs and run nothing.")
 @seed
 @workers
@@ -38,9 +50,9 @@ if TYPE_CHECKING:
 @fail_if
 @as_json
 def command(
-    studies: tuple[str, ...], of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, paths: str,
-    combine: str, no_data: bool, comparing: bool, cases: int | None, twin: int, listed: bool, seed: int, workers: int,
-    out: Path | None, fresh: bool, html: Path | None, fail_if: tuple[str, ...], as_json: bool,
+    studies: tuple[str, ...], target: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str,
+    paths: str, combine: str, no_data: bool, comparing: bool, cases: int | None, twin: int, listed: bool, seed: int,
+    workers: int, out: Path | None, fresh: bool, html: Path | None, fail_if: tuple[str, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
 
@@ -63,7 +75,7 @@ def command(
     found = [find(one) for one in studies]
     suite = Suite(paths, combine, not no_data)
     with_suite(found[0], suite, seed)
-    if comparing and (suite != WHOLE or len(found) > 1 or of != "code" or fail_if):
+    if comparing and (suite != WHOLE or len(found) > 1 or target != "code" or fail_if):
         rule = "one study's code is compared under suites of its own, but other options name a study, a suite or a gate"
         raise BadRequest("--compare", rule, "leave them out", slug="option-study")
     conditions = [parse_condition(text) for text in fail_if]
@@ -79,7 +91,7 @@ def command(
         for study in found
     ]
     names = tuple(one.strip() for one in operators.split(",") if one.strip())
-    request = MutationRequest(chosen, of, seed, suite, cases, twin, sample, names, only, workers)
+    request = MutationRequest(chosen, target, seed, suite, cases, twin, sample, names, only, workers)
     if listed:
         for mutant in mutants_of(found[0], sources_of(found[0], request.of), request):
             click.echo(f"{mutant.id}  {mutant.place}\n{mutant.diff or mutant.change}\n")
@@ -105,7 +117,7 @@ def command(
             print_table(table)
             click.echo()
         for mutant, outcome in results.survivors():
-            also = f"; seen by the golden twin: {results.seen_by(outcome)}" if of != "model" else ""
+            also = f"; seen by the golden twin: {results.seen_by(outcome)}" if target != "model" else ""
             click.echo(f"survived: {mutant.id} {mutant.place}{also}\n{mutant.diff or mutant.change}\n")
     if html is not None:
         _write_page(results, out, html)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from parcours.cli.options import PATH, as_json, choice, count, model_file, print_json, print_rows, read_altered
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,6 +22,15 @@ if TYPE_CHECKING:
     from parcours.paths.visiting import Cover, Shape
 
 
+@formerly(
+    {
+        "--measure": "--coverage-of",
+        "--most": "--max-requirements",
+        "--requirements": "--list",
+        "--seconds": "--max-work",
+        "--work": "--max-work",
+    }
+)
 @click.command("paths")
 @model_file
 @click.option(
@@ -35,12 +45,13 @@ if TYPE_CHECKING:
 @click.option("--composition", is_flag=True, help="Cover all components together; criteria over channels always do.")
 @click.option("--walk", is_flag=True, help="One walk that ends anywhere, instead of tests that end in final states.")
 @click.option("--max-length", type=click.IntRange(1), help="Most transitions of a path.")
-@click.option("--requirements", "listed", is_flag=True, help="List what is required, and cover nothing.")
-@click.option("--measure", "runs", type=PATH, help="Measure the runs in this file, cover nothing.")
-@choice("--tours", "direct", "sidetrips", "detours", help="How a run may tour what is required, for --measure.")
-@count("--most", default=1_000_000, help="Most requirements.")
+@click.option("--list", "listed", is_flag=True, help="List what is required, and cover nothing.")
+@click.option("--coverage-of", "runs", type=PATH, help="Measure the runs in this file, cover nothing.")
+@choice("--tours", "direct", "sidetrips", "detours", help="How a run may tour what is required, for --coverage-of.")
+@count("--max-requirements", "most", default=1_000_000, help="Most requirements.")
 @count(
-    "--work",
+    "--max-work",
+    "work",
     default=16_000_000,
     help="Most steps of the search for the requirements of a machine; some 2 million take 1 s.",
 )
@@ -63,11 +74,11 @@ def command(
     limits = RequirementLimits(most, 20 * most, work)
     together = composition or chosen.family == "communication"
     if composition and chosen.family != "communication" and (listed or runs is not None):
-        raise click.UsageError("--requirements and --measure look at machines; leave --composition out")
+        raise click.UsageError("--list and --coverage-of look at machines; leave --composition out")
     if (listed or runs is not None) and (walk or max_length is not None):
-        raise click.UsageError("--walk and --max-length shape a cover; --requirements and --measure make none")
+        raise click.UsageError("--walk and --max-length shape a cover; --list and --coverage-of make none")
     if runs is None and tours != "direct":
-        raise click.UsageError("--tours is for --measure: covers tour directly")
+        raise click.UsageError("--tours is for --coverage-of: covers tour directly")
     if together and (component or machine):
         raise click.UsageError("--component and --machine choose among machines; a composition has all of them")
     if runs is not None:

@@ -7,16 +7,18 @@ from pathlib import Path
 import click
 
 from parcours.cli.options import PATH
+from parcours.cli.renaming import formerly
 
 
+@formerly({"--to": "--out"})
 @click.command("recording")
 @click.argument("file", type=PATH)
-@click.option("--to", "target", type=PATH, help="Write it as this *.mcap or *.bag.")
+@click.option("--out", "target", type=PATH, help="Write it as this *.mcap or *.bag.")
 @click.option("--trace", "trace_file", type=PATH, help="Write its events as JSON Lines.")
 def command(file: Path, target: Path | None, trace_file: Path | None) -> None:
     """Show what a recording (MCAP, ROS 1 bag) of a run holds, and whether it is complete.
 
-    Example: parcours recording out/case-17.bag --to out/case-17.mcap
+    Example: parcours recording out/case-17.bag --out out/case-17.mcap
     """
     from collections import Counter
 

@@ -7,13 +7,15 @@ from pathlib import Path
 import click
 
 from parcours.cli.options import PATH, as_json, count, named_study, print_json
+from parcours.cli.renaming import formerly
 
 
+@formerly({"--runs": "--max-runs"})
 @click.command("shrink")
 @click.argument("folder", type=PATH)
 @click.argument("case")
 @click.option("--out", type=PATH, required=True, help="Folder for the small case, its test and a run of it.")
-@count("--runs", default=199, help="Most re-runs.")
+@count("--max-runs", "runs", default=199, help="Most re-runs.")
 @named_study
 @as_json
 def command(folder: Path, case: str, out: Path, runs: int, study: str, as_json: bool) -> None:

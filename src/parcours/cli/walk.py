@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 import click
 
 from parcours.cli.options import PATH, as_json, count, model_file, read_model, seed
+from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
     from parcours.model import Cefsm
@@ -21,6 +22,7 @@ _SHOWN = 20
 """Most requirements that the summary lists as missed."""
 
 
+@formerly({"--budget": "--max-moves"})
 @click.command("walk")
 @model_file
 @click.option("--walker", default=None, help="random, weighted, least-visited or guided.  [default: random]")
@@ -31,7 +33,12 @@ _SHOWN = 20
 @click.option("--machine", default="", help="Walk this machine only.")
 @click.option("--ignore-guards", is_flag=True, help="Walk the bare graphs: no guards, no messages.")
 @click.option("--at-dead-end", default="restart", show_default=True, help="restart or stop.")
-@count("--budget", default=1_000_000, help="Most moves and restarts where the condition bounds neither steps nor time.")
+@count(
+    "--max-moves",
+    "budget",
+    default=1_000_000,
+    help="Most moves and restarts where the condition bounds neither steps nor time.",
+)
 @click.option("--states", is_flag=True, help="Say after each step where the machines stand.")
 @click.option("--out", type=PATH, help="File for the steps (JSON Lines) instead of the terminal.")
 @seed

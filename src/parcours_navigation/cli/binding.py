@@ -52,7 +52,7 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
 @click.option("--transport", type=click.Choice(["ros1", "ros2"]), help="Which ROS; else that of this interpreter.")
 @click.option("--master", default="", metavar="URI", help="Of ROS 1; else $ROS_MASTER_URI.")
 @click.option("--interfaces", multiple=True, type=click.Path(path_type=Path, exists=True, file_okay=False),
-              help="A folder with definitions of types that are not installed; several are possible.")  # fmt: skip
+              help="A folder with definitions of types that are not installed; may be repeated.")  # fmt: skip
 def new(
     folder: Path, from_graph: bool, transport: Literal["ros1", "ros2"] | None, master: str, interfaces: tuple[Path, ...]
 ) -> None:

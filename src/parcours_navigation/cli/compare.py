@@ -7,8 +7,10 @@ from pathlib import Path
 import click
 
 from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
+from parcours.cli.renaming import formerly
 
 
+@formerly({"--measured": "--scored-cases", "--timed": "--timed-cases"})
 @click.command("compare", short_help="Planners or runs on the same cases, with paired tests.")
 @click.argument("planners", nargs=-1, required=True)
 @count("--cases", default=1000, most=100_000_000, help="How many, the same for all.")
@@ -16,15 +18,15 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
 @click.option("--command-delay", type=click.FloatRange(0.0, 10.0), default=0.0, show_default=True,
               help="Delay from an answer to the robot [s], in steps of 0.01 s. Planners with published computing times "
               "keep them.")  # fmt: skip
-@count("--measured", default=200, least=0,
+@count("--scored-cases", "measured", default=200, least=0,
        help="How many of the first cases are run again, to be scored as the code of published benchmarks "
        "does.")  # fmt: skip
-@count("--timed", default=3, least=0, help="In how many of the first cases decisions are timed.")
-@click.option("--require", multiple=True, help="What must hold of every case: 'keeps-away: always clearance > 0.05'. "
-              "Can be given several times.")  # fmt: skip
+@count("--timed-cases", "timed", default=3, least=0, help="In how many of the first cases decisions are timed.")
+@click.option("--require", multiple=True, help="What must hold of every case: 'keeps-away: always clearance > 0.05'; "
+              "may be repeated.")  # fmt: skip
 @click.option("--fail", multiple=True, help="A case fails if this holds: 'travelled > 4 or time > 30'.")
 @click.option("--measure", multiple=True, help="A measure of your own: 'crowding: mine.py:crowding', or a formula over "
-              "the values of a case. Can be given several times.")  # fmt: skip
+              "the values of a case; may be repeated.")  # fmt: skip
 @seed
 @workers
 @click.option("--world", default="", metavar="NAME|FILE",

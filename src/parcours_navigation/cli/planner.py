@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from parcours.cli.options import as_json, print_json
+from parcours.cli.renaming import formerly
 
 
 @click.group("planner")
@@ -15,11 +16,12 @@ def command() -> None:
     """
 
 
+@formerly({"--patience": "--timeout"})
 @command.command("check")
 @click.argument("planner")
 @click.option("--only", "only", multiple=True, metavar="CHECK", help="Make only this check; may be repeated.")
 @click.option("--list", "listed", is_flag=True, help="List the checks, and make none.")
-@click.option("--patience", type=click.FloatRange(0.1, 86400.0), default=120.0, show_default=True,
+@click.option("--timeout", "patience", type=click.FloatRange(0.1, 86400.0), default=120.0, show_default=True,
               help="Longest time for one check [s].")  # fmt: skip
 @as_json
 def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as_json: bool) -> None:

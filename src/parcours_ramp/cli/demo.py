@@ -7,14 +7,16 @@ from pathlib import Path
 import click
 
 from parcours.cli.options import seed, workers
+from parcours.cli.renaming import formerly
 
 
+@formerly({"--delayed": "--delayed-cases"})
 @click.command("demo", short_help="The whole study of the paper, as one report.")
 @click.option(
     "--cases", type=click.IntRange(1, 1_000_000), default=905, show_default=True, help="System cases per schedule."
 )
 @click.option(
-    "--delayed", type=click.IntRange(1, 1_000_000), show_default="300, or --cases if fewer",
+    "--delayed-cases", "delayed", type=click.IntRange(1, 1_000_000), show_default="300, or --cases if fewer",
     help="Cases per point of the curves over added delays.",
 )  # fmt: skip
 @seed

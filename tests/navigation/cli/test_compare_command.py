@@ -45,8 +45,8 @@ def compared(mine: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
     """A comparison of two planners of the user's own, one of which fails."""
     folder = tmp_path_factory.mktemp("compare")
     result = call(
-        "compare", f"{mine}:stand", f"{mine}:breaks", "--cases", 18, "--workers", 1, "--measured", 2,
-        "--timed", 1, "--out", folder, "--html", folder / "page.html", "--json",
+        "compare", f"{mine}:stand", f"{mine}:breaks", "--cases", 18, "--workers", 1, "--scored-cases", 2,
+        "--timed-cases", 1, "--out", folder, "--html", folder / "page.html", "--json",
     )  # fmt: skip
     return folder, result
 
@@ -79,8 +79,19 @@ def test_a_comparison_says_all_as_json_and_as_a_page(compared: tuple[Path, Resul
 def test_a_comparison_is_resumed_and_gives_the_same(compared: tuple[Path, Result], mine: Path) -> None:
     folder, first = compared
     kept = {path: path.stat().st_mtime_ns for path in folder.rglob("shard-*")}
-    words = ("compare", f"{mine}:stand", f"{mine}:breaks", "--cases", 18, "--measured", 2, "--out", folder, "--json")
-    again = json.loads(call(*words, "--timed", 0).stdout)
+    words = (
+        "compare",
+        f"{mine}:stand",
+        f"{mine}:breaks",
+        "--cases",
+        18,
+        "--scored-cases",
+        2,
+        "--out",
+        folder,
+        "--json",
+    )
+    again = json.loads(call(*words, "--timed-cases", 0).stdout)
     before = json.loads(first.stdout)
     for planner in before["planners"].values():
         planner["decision_us"] = None
@@ -93,7 +104,7 @@ def test_a_comparison_is_resumed_and_gives_the_same(compared: tuple[Path, Result
 def test_ramp_keeps_its_durations_and_the_others_get_the_delay(tmp_path: Path) -> None:
     result = call(
         "compare", "ramp-guarded", "straight-ahead", "--cases", 9, "--command-delay", 0.1, "--workers", 1,
-        "--measured", 0, "--timed", 0, "--out", tmp_path, "--json",
+        "--scored-cases", 0, "--timed-cases", 0, "--out", tmp_path, "--json",
     )  # fmt: skip
     document = json.loads(result.stdout)
     answers = [planner["answers"] for planner in document["planners"].values()]
@@ -142,7 +153,7 @@ def test_the_checks_are_listed_with_what_they_demand() -> None:
 
 def test_the_tables_come_as_markdown_ready_for_a_document(compared: tuple[Path, Result], mine: Path) -> None:
     folder, _ = compared
-    words = ("compare", f"{mine}:stand", f"{mine}:breaks", "--cases", 18, "--measured", 0, "--timed", 0)
+    words = ("compare", f"{mine}:stand", f"{mine}:breaks", "--cases", 18, "--scored-cases", 0, "--timed-cases", 0)
     text = call(*words, "--out", folder, "--markdown").stdout
     assert text.startswith("Seed 1, protocol table-vii, 18 cases, the same for all.")
     line = next(line for line in text.splitlines() if line.startswith("| stuck in imminent collision, of the solvable"))

@@ -48,7 +48,7 @@ def test_a_test_is_written_that_fails_until_the_planner_is_repaired(tmp_path: Pa
     planner = tmp_path / "mine.py"
     planner.write_text(FAULTY.format(margin=0.1))
     folder = ran(tmp_path / "now", "navigation", ["0"], planner=f"{planner}:Straight")
-    result = invoke("shrink", str(folder), "0", "--out", str(tmp_path / "small"), "--runs", "6", "--json")
+    result = invoke("shrink", str(folder), "0", "--out", str(tmp_path / "small"), "--max-runs", "6", "--json")
     found = json.loads(result.stdout)
     assert (found["cause"], found["runs"], found["complete"]) == ("collided", 6, False)
     [function] = [one for name, one in runpy.run_path(found["files"][1]).items() if name.startswith("test_")]

@@ -115,7 +115,7 @@ class Reference:
     tolerance: float = TOLERANCE
     view: View = plain
     of_data: bool = True
-    """It looks at data, as formulas do: `parcours mutate --no-data` leaves such oracles out."""
+    """It looks at data, as formulas do: `parcours mutate --no-data-oracles` leaves such oracles out."""
 
     def __call__(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
         """Judge every message on the channel."""

@@ -16,7 +16,7 @@ _TESTER = "environment"
 def steps_of(trace: Trace) -> list[Step]:
     """Return the steps of a trace: messages where they are received, transitions, losses, deviations.
 
-    Messages of a channel are received in the order in which they were sent; what nobody received is said at the end.
+    Messages of a channel are received in the order in which they were sent; those that nobody received come last.
     """
     sent: defaultdict[str, deque[tuple[str, bool]]] = defaultdict(deque)
     steps = []

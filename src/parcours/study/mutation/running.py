@@ -59,7 +59,7 @@ def _listed(study: Study, sources: Sources, of: Kind) -> list[Mutant]:
         return sources.mutants()
     if not isinstance(study, ComponentStudy):
         rule = f"{study.name} has no model whose channels and transitions could be changed"
-        raise BadRequest(f"--of {of}", rule, "that is for component studies", slug="mutants-none")
+        raise BadRequest(f"--target {of}", rule, "that is for component studies", slug="mutants-none")
     if of == "model":
         return [one for one, _ in model_mutants(study.model)]
     return [Mutant(id, one.kind, "", 0, str(one)) for id, one in strikes_of(study)]

@@ -67,7 +67,7 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
         return study
     if not isinstance(study, ComponentStudy):
         rule = f"criteria are for component studies, but {study.name} is another"
-        raise BadRequest("--paths, --combine", rule, slug="option-study")
+        raise BadRequest("--criterion, --combine", rule, slug="option-study")
     require_known(suite.combine or study.criterion, list(CRITERIA), "criterion", slug="unknown-criterion")
     is_random = suite.paths == RANDOM
     if not is_random:

@@ -64,10 +64,11 @@ def _hint(checker: Checker) -> str:
     owed = checker.owed()
     if owed:
         name, channel = owed[0]
-        return (
-            f"; {name} must send on {channel}: a timeout (--quiet {channel}=MS) and --until decide whether it is late"
-        )
-    return "; if one of them should have spoken, name it (--component), with a timeout (--quiet CHANNEL=MS) and --until"
+        decide = f"a timeout (--quiescence {channel}=MS) and --duration decide whether it is late"
+        return f"; {name} must send on {channel}: {decide}"
+    return (
+        "; if one of them should send, name it (--component), with a timeout (--quiescence CHANNEL=MS) and --duration"
+    )
 
 
 def _without_deviation(trace: Trace, checker: Checker, observes: Observes) -> Judgement:
