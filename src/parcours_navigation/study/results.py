@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -22,7 +24,7 @@ from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.requirements.judging import RATES, explained, finite_robustness, own_values, rates, verdicts
 from parcours_navigation.requirements.tables import requirement_table
-from parcours_navigation.study.analysis import analyse
+from parcours_navigation.study.analysis import Ended, analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
 from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
@@ -53,9 +55,14 @@ class CampaignResults:
         """Return the verdict of every finished case."""
         return [dataclasses.replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
-    def case_verdicts(self) -> Sequence[Verdict]:
-        """Return the verdicts of `cases`, without their reasons."""
-        return verdicts(self.found.facts, self.found.requirements)
+    @functools.cached_property
+    def ended(self) -> Ended:
+        """How its cases ended."""
+        return analyse(self.found)
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return Counter(self.ended.verdicts)
 
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
@@ -152,7 +159,7 @@ def report_folders(results: Mapping[str, Results]) -> Reported:
     """Return tables, pieces and documents on campaigns on system cases, and on what else reports itself."""
     campaigns = {name: one.found for name, one in results.items() if isinstance(one, CampaignResults)}
     others = [one.reported(name) for name, one in results.items() if isinstance(one, Reporting)]
-    ended = analyse(campaigns)
+    ended = {name: one.ended for name, one in results.items() if isinstance(one, CampaignResults)}
     tables: list[Table] = []
     pieces: list[Piece] = []
     if campaigns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
-from parcours.study.campaign.running import facts_of
+from parcours.study.campaign.running import KeptFacts
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.requirements.requirement import Requirements
 from parcours_navigation.requirements.requirement import kept as kept_requirements
@@ -24,11 +25,20 @@ from parcours_ramp.system.study import STUDY, SystemStudy
 
 @dataclass(frozen=True, slots=True)
 class SystemResults:
-    """One campaign: its study, the facts of its finished cases (array of FACTS, shape (n,)), and how many it plans."""
+    """One campaign: its study, what is kept of its finished cases, and how many it plans."""
 
     study: SystemStudy
-    facts: NDArray[np.void]
+    kept: KeptFacts
     planned: int
+
+    @property
+    def facts(self) -> NDArray[np.void]:
+        """Facts of its finished cases, array of FACTS, shape (n,)."""
+        return self.kept.whole
+
+    def parts(self) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part, without the counts of transitions, which are a third of them."""
+        return self.kept.parts(("transitions",))
 
     @property
     def signals(self) -> bool:
@@ -85,7 +95,7 @@ def load_campaign(folder: Path) -> SystemResults:
             str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign again",
             slug="results-parameters",
         ) from error  # fmt: skip
-    return SystemResults(study, facts_of(store, folder), store.planned)
+    return SystemResults(study, KeptFacts(store), store.planned)
 
 
 def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:

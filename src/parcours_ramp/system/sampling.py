@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -101,9 +102,9 @@ class SampledCampaign(CampaignResults):
         ]
         return [*super().cases(), *again]
 
-    def case_verdicts(self) -> Sequence[Verdict]:
-        """Return the verdicts of `cases`, without their reasons."""
-        return [*super().case_verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return super().verdict_counts() + Counter(Verdict(one["verdict"]) for one in self._sampled.values())
 
     def reported(self, name: str) -> Reported:
         """Return the table of sampled cases; nothing without any."""
