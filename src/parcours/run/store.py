@@ -70,6 +70,11 @@ class Store:
         """Return where a shard's rows lie; their sum lies beside them, with .sha256 appended."""
         return self.folder / f"shard-{shard:06d}.bin"
 
+    def name(self, shard: int) -> str:
+        """Return what to call a shard in a message."""
+        cases = self.campaign.cases(shard)
+        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
+
     def missing(self) -> tuple[int, ...]:
         """Return the shards that are still to be computed."""
         return tuple(shard for shard in self.shards if not self.has(shard))
