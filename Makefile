@@ -1,5 +1,6 @@
 # make demo: the whole study of the paper, one report.   make test: everything a reviewer would run without ROS.
-# make test-ros1, make test-ros2: the same components, and foreign ones, on real ROS.   make docs: the documentation, as a site.
+# make test-ros1, make test-ros2: the same components, and foreign ones, on real ROS.   make test-browser: the studio in Chromium.
+# make docs: the documentation, as a site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=wo
 GUESTS := tests/navigation/guests tests/study/test_campaign_study.py
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test test-ros1 test-ros2 docs format lint types contracts tests fuzz bench clean
+.PHONY: demo test test-browser test-ros1 test-ros2 docs format lint types contracts tests fuzz bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/parcours demo --out out/demo
@@ -29,6 +30,9 @@ tests: $(VENV)/.developer
 	$(BIN)/parcours compile --workers 2
 	$(PYTEST) $(GUESTS)
 	$(PYTEST) $(addprefix --ignore=,$(GUESTS))
+
+test-browser: $(VENV)/.developer
+	.ci/browser
 
 test-ros1: $(VENV)/.developer
 	.ci/ros1

@@ -15,6 +15,7 @@ from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
+from parcours.run.hosts.scheduling import NODE_PRIORITY
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.results import Result
@@ -84,3 +85,21 @@ def test_what_never_ends_in_all_repeats_fails(counter: Path, tmp_path: Path, mon
     [result] = run(counter, tmp_path, repeats=200)
     assert result.judged.judgement.verdict is Verdict.FAIL, result.judged.judgement.why
     assert "p99 of 200 repeats is never" in result.judged.judgement.why
+
+
+@pytest.mark.parametrize("priority", [NODE_PRIORITY, 0])
+def test_a_limit_is_not_missed_by_a_node_that_did_not_get_its_real_time(
+    counter: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, priority: int
+) -> None:
+    edit(counter, "/clerk/fee: 41.0", "/clerk/fee: -410.0")
+    edit(counter, "ros_node: /client", "ros_node: /client\n    realtime: true")
+    edit(counter, "p99 < 1 s over 200 repeats", "p50 < 1 s over 10 repeats")
+    monkeypatch.setattr("parcours_navigation.foreign.timing._LONGEST", 5_000_000)
+    monkeypatch.setattr("parcours.run.hosts.foreign.host.NODE_PRIORITY", priority)  # 0: as where it is not allowed
+    [result] = run(counter, tmp_path, repeats=10)
+    [(name, rule)] = result.judged.scheduling
+    if rule == "SCHED_OTHER":
+        assert result.judged.judgement.verdict is Verdict.INCONCLUSIVE
+        assert "Client was to run in real time, which is not allowed here" in result.judged.judgement.why
+    else:
+        assert (name, rule, result.judged.judgement.verdict) == ("Client", "SCHED_FIFO 9", Verdict.FAIL)

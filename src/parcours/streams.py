@@ -2,13 +2,12 @@
 
 Streams are SplitMix64 (Steele, Lea, Flood, OOPSLA 2014), keyed by (campaign seed, case number, purpose), so that no
 case and no component shares randomness with another, and a case replays from its numbers alone. Compiled code draws
-from an array of one uint64 of state; tables of cases address word k of every stream at once. `hashed` serves keys that
-are texts.
+from an array of one uint64 of state; tables of cases address word k of every stream at once. Keys that are texts
+are for `parcours.hashing`.
 """
 
 from __future__ import annotations
 
-import hashlib
 from typing import Any
 
 import numpy as np
@@ -119,13 +118,3 @@ def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
     plain: Any = getattr(mix, "py_func", mix)
     mixed: NDArray[np.uint64] = plain(words)
     return mixed
-
-
-def hashed(key: bytes, n: int) -> list[int]:
-    """Return n words of 64 bits, at most 8, that depend on nothing but the key (BLAKE2b).
-
-    >>> hashed(b"7 0", 1) == hashed(b"7 0", 1) != hashed(b"7 1", 1)
-    True
-    """
-    words: list[int] = np.frombuffer(hashlib.blake2b(key, digest_size=8 * n).digest(), "<u8").tolist()
-    return words

@@ -16,25 +16,12 @@ from hypothesis import strategies as st
 from parcours.errors import BadRequest
 from parcours.report.page import to_html
 from parcours.report.pieces import (
-    Animation,
-    Code,
-    Column,
-    Findings,
-    KeyFigure,
-    Marked,
     Page,
-    Piece,
     Section,
-    Table,
-    Text,
 )
-from parcours.report.rates import shares
-from parcours.report.timings import TimingCase, timing_figure
 from parcours.report.writing import write_text
-from parcours.verdict.judgement import Judgement, Verdict
-from parcours.verdict.timing import Bound
+from whole_page import HOSTILE, recording, whole_page
 
-HOSTILE = '</script><script>alert("1")</script><img src=x onerror=alert(2)>\'"&'
 VOID = {"meta", "link", "input", "br", "img", "hr"}
 
 
@@ -68,34 +55,6 @@ class Elements(HTMLParser):
 
     def named(self, tag: str) -> list[dict[str, str | None]]:
         return [attributes for name, attributes in self.found if name == tag]
-
-
-def recording(word: str = "word", script: str = "(() => {})();\n") -> Animation:
-    """An animation whose picture is plain and whose data is `word`."""
-    return Animation(word, word, "<svg><circle r='1'/></svg>", json.dumps({"t": word}), script, word)
-
-
-def whole_page(word: str = "word") -> Page:
-    """A page with every kind of piece, and `word` in every text that a study may set."""
-    table = Table(
-        word, (Column(word, code=True), Column("n", ".1%", group=word, unit=word)),
-        ((word, 0.25), (Marked(word, "bad", why=word), None)), note=word,
-    )  # fmt: skip
-    pieces: tuple[Piece, ...] = (
-        Text(word),
-        Findings((KeyFigure(word, word, word, "good"),)),
-        table,
-        Table(word, (Column(word),), ((word,),), folded=True),
-        Code(word, word),
-        Code(word, word, folded=True),
-        shares(word, [word, "rest"], {word: [3, 1]}, ["good", "bad"], note=word),
-        timing_figure(
-            word, [TimingCase(word, (1_000_000, 2_000_000), Bound(5_000_000), Judgement(Verdict.PASS, word))]
-        ),
-        recording(word),
-        recording(word),
-    )
-    return Page(word, word, ((word, word),), (Section(word, word, pieces), Section("last", "", ())))
 
 
 def test_the_same_page_gives_the_same_bytes() -> None:

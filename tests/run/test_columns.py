@@ -25,7 +25,7 @@ DTYPE = np.dtype([
 def rows(n: int, seed: int = 1) -> Rows:
     """Any bits: not a number with a payload, negative zero, subnormal numbers."""
     found = np.frombuffer(np.random.default_rng(seed).bytes(n * DTYPE.itemsize), DTYPE).copy()
-    found["number"] = np.arange(n)
+    found["number"], found["flag"] = np.arange(n), found["number"] % 2 == 0
     return found
 
 
@@ -81,7 +81,7 @@ def test_an_earlier_versions_folder_is_refused_with_the_command_that_converts_it
         patched.setattr("parcours.run.converting.write_manifest", killed)
         convert(folder)
     store = convert(folder)
-    assert store.campaign == campaign and store.finished() == (0, 1, 2) and store.has(4)
+    assert store.campaign == campaign and store.in_order() == [0, 1, 2] and store.has(4)
     assert store.load().tobytes() == rows(23)[:15].tobytes()
     stop = read_stop(folder, campaign)
     assert stop is not None and stop.cases == 15

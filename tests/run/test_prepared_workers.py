@@ -121,7 +121,7 @@ def test_a_second_run_on_a_folder_is_refused_by_name_and_a_killed_one_leaves_it_
     toy = importlib.import_module(script.stem)
     process = begin(script, tmp_path / "c")
     try:
-        with pytest.raises(BadResults, match=f"but process {process.pid} does") as refused:
+        with pytest.raises(BadResults, match=f"but process {process.pid} is writing") as refused:
             run_campaign(toy.Study(True), toy.CAMPAIGN, tmp_path / "c")
         assert refused.value.slug == "results-busy"
         with pytest.raises(BadResults, match="results-busy"):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -236,6 +238,13 @@ def test_what_is_not_bound_is_left_out_of_the_model() -> None:
     assert "o1" not in {one.id for one in seen.component("Follower").transitions()}
 
 
+def test_a_check_of_a_binding_loads_nothing_that_only_cases_need() -> None:
+    heavy = "{'numba', 'scipy', 'matplotlib', 'parcours.data', 'parcours.abtc', 'parcours.report'}"
+    code = f"import sys, parcours_navigation.foreign.checking; print(*({heavy} & set(sys.modules)))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.split() == []
+
+
 def test_the_robot_is_driven_by_commands_until_they_run_out(binding: Binding) -> None:
     assert binding.system is not None
     world = ForeignWorld(binding.system, Scene(1, 0, "empty"))
@@ -283,6 +292,8 @@ def test_nodes_that_are_led_by_a_clock_have_no_timing() -> None:
     timing = "\ntiming: {reaction: {from: scan, to: command, bound: every < 1 s}}\n"
     with pytest.raises(BadRequest, match=r"led by /clock.*clock-domains"):
         parse_binding(stack.read_text() + timing, str(stack))
+    with pytest.raises(BadRequest, match=r"to a stack by its own section, but 'clock' is given.*binding-clock"):
+        parse_binding(stack.read_text() + "\nclock: 100 Hz\n", str(stack))
 
 
 def test_a_chain_that_was_timed_is_kept_and_drawn(binding: Binding, tmp_path: Path) -> None:

@@ -264,7 +264,8 @@ def test_each_new_shard_comes_as_an_event_and_only_it_is_read(server: Server, ru
     stream.close()
 
 
-def test_signals_end_it_with_its_runs_and_streams(tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP])
+def test_signals_end_it_with_its_runs_and_streams(tmp_path: Path, how: signal.Signals) -> None:
     shutil.copytree(EXAMPLES / "parking", tmp_path / "parking")
     (tmp_path / "parking/parking.py").write_text(
         "import os, time\ndef simulate(case):\n    open('pid', 'w').write(str(os.getpid())); time.sleep(60)\n"
@@ -278,7 +279,7 @@ def test_signals_end_it_with_its_runs_and_streams(tmp_path: Path) -> None:
         assert server.api("GET", "state", run=run)["running"]
         assert server.refused("POST", "run", path="parking/study.yaml") == "studio-running"
     finally:
-        server.process.send_signal(signal.SIGINT)
+        server.process.send_signal(how)
     assert server.process.wait(20) == 0
     assert list(stream) == []
     ours = [path for path in Path("/proc").glob("[0-9]*/cmdline") if str(tmp_path).encode() in _read(path)]

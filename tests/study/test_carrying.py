@@ -114,8 +114,6 @@ def test_what_a_hosts_form_leaves_out_of_a_message_is_a_finding_on_that_host_alo
 
 @pytest.mark.parametrize("host", ["processes", "ros1"])
 def test_no_host_starts_with_messages_that_are_not_what_the_model_says(host: HostName) -> None:
-    if host == "ros1":
-        pytest.importorskip("rosgraph")
     nodes = replace(component_study().nodes(), model=changed("MotionState", "v", Field("v", "real", shape=(3,))))
     with (
         pytest.raises(HostFailure, match=r"on 'update' it.v must be a list of 3, but is 0.2") as caught,

@@ -70,7 +70,6 @@ def test_a_condition_chooses_cases_and_its_words_are_those_of_the_column(table: 
 
 
 def test_pandas_alone_computes_the_reports_table_from_the_parquet(ramp: Path, tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
     import pandas as pd
     import pyarrow.parquet as parquet
 
@@ -100,7 +99,6 @@ def test_pandas_alone_computes_the_reports_table_from_the_parquet(ramp: Path, tm
 
 
 def test_sql_answers_as_the_groups_do_and_reads_no_file(ramp: Path, table: ResultTable, tmp_path: Path) -> None:
-    pytest.importorskip("duckdb")
     rows = asked(str(ramp), "--sql", "SELECT start, sum(stuck) AS stuck FROM results GROUP BY start ORDER BY start")
     assert {row["start"]: row["stuck"] for row in rows} == {
         start: rates["stuck"].count for (start,), rates in table.by(["start"]).items()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadRequest
 from parcours.run.trace import REPEAT, Trace, TraceEvent
-from parcours.verdict.timing import Chain, chain
+from parcours.verdict.timing import chain
 from parcours.verdict.timing.chains import reactions
 
 WAY = ("a", "b", "c")
@@ -60,7 +60,3 @@ def test_shares_are_never_negative_and_agree_with_a_search_of_all_ways(said: lis
 def test_times_of_two_clocks_are_refused() -> None:
     with pytest.raises(BadRequest, match=r"one clock only, but 4 ns follows 9 ns.*clock-domains"):
         chain("stop", Trace("wall", tuple(passed((9, "receive", "a", 0), (4, "send", "b", 1)))), WAY)
-    live, simulated = (Chain("stop", ("A", "on b", "B"), ((1, 2, 3),), clock) for clock in ("wall", "simulated"))
-    assert (live + live).totals == (6, 6)
-    with pytest.raises(BadRequest, match="clock-domains"):
-        live + simulated

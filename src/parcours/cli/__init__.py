@@ -40,7 +40,8 @@ COMMANDS = {
     "history": "A file with one line per run, to which CI appends: rates over time.",
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "studio": "Edit, run and watch the studies of a folder in the browser.",
-    "completion": "What makes a shell complete these commands.",
+    "shrink": "A failing case made small, and kept as a test.",
+    "completion": "Print a script that completes commands in your shell.",
     "compile": "Compile all kernels now, on all processors.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""

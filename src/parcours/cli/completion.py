@@ -1,4 +1,4 @@
-"""`parcours completion`: what makes a shell complete commands, options and names."""
+"""`parcours completion`: scripts that complete commands, options and names in a shell."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 def command(shell: str) -> None:
     """Print a script that makes SHELL complete what is typed after `parcours`.
 
-    For good: a line in ~/.bashrc or ~/.zshrc, eval "$(parcours completion bash)"; of fish, parcours completion fish >
+    To keep it, add the line below to ~/.bashrc (for zsh: to ~/.zshrc, with zsh). For fish: parcours completion fish >
     ~/.config/fish/completions/parcours.fish
 
     Example: eval "$(parcours completion bash)"

@@ -11,6 +11,7 @@ from parcours.cli.options import PATH, as_json, choice, count, fail_if, print_js
 
 if TYPE_CHECKING:
     from parcours.study.mutation.laboratory import Kind
+    from parcours.study.mutation.results import MutationResults
     from parcours.study.mutation.running import MutationRequest
     from parcours.study.protocol import Study
 
@@ -33,12 +34,13 @@ if TYPE_CHECKING:
 @workers
 @click.option("--out", type=PATH, help="Folder for the outcomes; resumed if it holds some.")
 @click.option("--fresh", is_flag=True, help="Discard the outcomes in that folder, and start again.")
+@click.option("--html", type=PATH, help="Write one self-contained page.")
 @fail_if
 @as_json
 def command(
     studies: tuple[str, ...], of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, paths: str,
     combine: str, no_data: bool, comparing: bool, cases: int | None, twin: int, listed: bool, seed: int, workers: int,
-    out: Path | None, fresh: bool, fail_if: tuple[str, ...], as_json: bool,
+    out: Path | None, fresh: bool, html: Path | None, fail_if: tuple[str, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
 
@@ -84,6 +86,10 @@ def command(
         return
     if out is None:
         raise BadRequest("--out", "outcomes are kept in a folder, but none is named", slug="option-study")
+    if comparing and html is not None:
+        raise BadRequest(
+            "--html", "it is for one suite, but --compare runs several", "leave it out", slug="option-study"
+        )
     inner = [one.name for one in COMPARED] if comparing else [one.name for one in found[1:]]
     for folder in (out, *(out / name for name in inner)) if fresh else ():
         discard(folder, ("run.json", "cases.jsonl", "kernels-*"))
@@ -101,6 +107,8 @@ def command(
         for mutant, outcome in results.survivors():
             also = f"; seen by the golden twin: {results.seen_by(outcome)}" if of != "model" else ""
             click.echo(f"survived: {mutant.id} {mutant.place}{also}\n{mutant.diff or mutant.change}\n")
+    if html is not None:
+        _write_page(results, out, html)
     if interrupted:
         _interrupted()
     failed = False
@@ -109,6 +117,17 @@ def command(
         click.echo(f"{'FAILED' if checked.failed else 'ok'}: {checked.name}: {checked.why}", err=True)
     if failed:
         raise click.exceptions.Exit(1)
+
+
+def _write_page(results: MutationResults, out: Path, html: Path) -> None:
+    from parcours.report.page import to_html
+    from parcours.report.writing import write_text
+    from parcours.study.journal import read_question
+    from parcours.study.mutation.results import mutation_page
+    from parcours.study.provenance import texts
+
+    write_text(html, to_html(mutation_page(results, texts(read_question(out).get("made")))))
+    click.echo(f"wrote {html}", err=True)
 
 
 def _compare(study: Study, request: MutationRequest, out: Path, as_json: bool) -> None:

@@ -40,15 +40,9 @@ def command(
         click.echo(f"{folder}: {one}", err=as_json)
     if html is not None:
         from parcours.report.page import to_html
-        from parcours.report.pieces import Page, Section
         from parcours.report.writing import write_text
+        from parcours.study.reporting import report_page
 
-        sections = tuple(
-            Section(found.name if len(families) > 1 else "Outcomes", "", tuple(found.report(results).pieces()))
-            for found, results in families
-        )
-        facts = tuple((folder, one.label) for _, results in families for folder, one in results.items())
-        facts += tuple((f"{folder}, run again", str(found)) for folder, found in again.items())
-        write_text(html, to_html(Page(", ".join(found.name for found, _ in families), "", facts, sections)))
+        write_text(html, to_html(report_page(families)))
         click.echo(f"wrote {html}", err=True)
     conclude(families, conditions, baseline, junit)

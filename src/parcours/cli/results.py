@@ -43,7 +43,7 @@ def command(
         from parcours.run.converting import convert as converted
 
         store = converted(folder)
-        click.echo(f"{len(store.finished())} shards in {folder} are as this version keeps them", err=True)
+        click.echo(f"{len(store.in_order())} shards in {folder} are as this version keeps them", err=True)
     table = read_table(folder, study)
     table = table.where(where) if where else table
     if parquet is not None:

@@ -52,7 +52,7 @@ def command(folder: Path, port: int, no_open: bool, as_json: bool) -> None:
 
 @contextlib.contextmanager
 def _opened(address: str) -> Iterator[None]:
-    """Open a browser by a file that only its user can read: the words of a command line are seen by all users."""
+    """Open the address through a file that only this user can read: every user can see the browser's command line."""
     import tempfile
     import threading
     import webbrowser

@@ -14,6 +14,9 @@ import html
 import math
 import textwrap
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from parcours.model.drawing import predicate
 from parcours.model.structure import Machine, Transition
@@ -25,21 +28,48 @@ _SHOWN = 24  # longest label on an arrow or in a node [characters]
 _TRIED = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74)
 
 Point = tuple[float, float]
+PaintState: TypeAlias = Literal["covered", "uncovered", "infeasible", "failing"]
 _Box = tuple[float, float, float, float]
 
 
-def to_svg(machine: Machine, title: str = "") -> str:
-    """Return a picture of a machine with its transitions, under a title, by default the machine's name."""
-    picture = _Picture(machine)
+@dataclass(frozen=True, slots=True)
+class Paint:
+    """How a transition is drawn: as what it came out, with words on it, and the anchor that a click leads to."""
+
+    state: PaintState
+    words: str = ""
+    anchor: str = ""
+
+
+# Colours that differ in lightness, too, and lines that differ without any colour
+_LINES: dict[str, tuple[str, str]] = {
+    "covered": ("#00664a", 'stroke-width="2"'),
+    "uncovered": ("#7a4a00", 'stroke-width="1.6" stroke-dasharray="7 4"'),
+    "infeasible": ("#6b7280", 'stroke-width="1.4" stroke-dasharray="2 4"'),
+    "failing": ("#b3261e", 'stroke-width="3.6"'),
+}
+
+
+def to_svg(machine: Machine, title: str = "", painted: Mapping[str, Paint] | None = None) -> str:
+    """Return a picture of a machine with its transitions, under a title, by default the machine's name.
+
+    Args:
+        machine: what is drawn.
+        title: above it.
+        painted: how transitions are drawn, by their ids; a key of the colours is added. The others are black.
+    """
+    picture = _Picture(machine, painted or {})
     picture.draw(machine)
     picture.write_legend([(each.id, predicate(each)) for each in machine.transitions])
+    picture.write_key()
     return picture.finished(title or machine.name)
 
 
 class _Picture:
     """Collects shapes, and the corners of what is drawn, from which the size of the picture follows."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, painted: Mapping[str, Paint]) -> None:
+        self.painted = painted
         names = list(dict.fromkeys([machine.initial, *machine.states]))
         longest = max((len(_cut(each.id)) for each in machine.transitions), default=0)
         self.radius_x = {name: max(34.0, _CHARACTER * len(_cut(name)) / 2 + 14) for name in names}
@@ -100,7 +130,7 @@ class _Picture:
         # The control point lies left of the way, seen along it, so that the way back bows to the other side.
         control = ((start[0] + end[0]) / 2 + dy / length * 2 * bend, (start[1] + end[1]) / 2 - dx / length * 2 * bend)
         first, last = self.rim(arrow.source, control), self.rim(arrow.target, control, gap=2.0)
-        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", control, last)
+        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", control, last, self.painted.get(arrow.id))
         self.label(arrow, [_quadratic(first, control, last, part) for part in _TRIED])
 
     def start(self, name: str, angle: float) -> None:
@@ -116,7 +146,8 @@ class _Picture:
         reach = self.ray(name, angle, 48.0)
         across = (-math.sin(angle), math.cos(angle))
         pulls = [(reach[0] + side * 24 * across[0], reach[1] + side * 24 * across[1]) for side in (-1, 1)]
-        self.line(f"M{_at(out)} C{_at(pulls[0])} {_at(pulls[1])} {_at(back)}", pulls[1], back)
+        way = f"M{_at(out)} C{_at(pulls[0])} {_at(pulls[1])} {_at(back)}"
+        self.line(way, pulls[1], back, self.painted.get(arrow.id))
         half = _CHARACTER * len(_cut(arrow.id)) / 2
         self.label(arrow, [self.ray(name, angle, gap + half * abs(math.cos(angle))) for gap in (44.0, 58.0, 72.0)])
 
@@ -132,12 +163,13 @@ class _Picture:
         length = math.hypot(dx, dy)
         return x + dx * scale + dx / length * gap, y + dy * scale + dy / length * gap
 
-    def line(self, path: str, before: Point, tip: Point) -> None:
+    def line(self, path: str, before: Point, tip: Point, paint: Paint | None = None) -> None:
         # An arrow along a path whose end comes from the point before.
-        self.under.append(f'<path d="{path}" fill="none" stroke="{_INK}" stroke-width="1.4"/>')
+        ink, style = _LINES[paint.state] if paint else (_INK, 'stroke-width="1.4"')
+        self.under.append(f'<path d="{path}" fill="none" stroke="{ink}" {style}/>')
         angle = math.atan2(tip[1] - before[1], tip[0] - before[0])
         wings = [(tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)]
-        self.under.append(f'<polygon points="{" ".join(map(_at, [tip, *wings]))}" fill="{_INK}"/>')
+        self.under.append(f'<polygon points="{" ".join(map(_at, [tip, *wings]))}" fill="{ink}"/>')
 
     def label(self, arrow: Transition, spots: list[Point]) -> None:
         half = _CHARACTER * len(_cut(arrow.id)) / 2 + 2
@@ -150,16 +182,24 @@ class _Picture:
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}" '
             f'fill="{_PAPER}" fill-opacity="0.85"/>'
         )
-        self.text(arrow.id, spots[at])
+        paint = self.painted.get(arrow.id)
+        if paint is None:
+            self.text(arrow.id, spots[at])
+            return
+        begin = len(self.over)
+        self.text(arrow.id, spots[at], "600", _LINES[paint.state][0], paint.words)
+        if paint.anchor:
+            self.over[begin:] = [f'<a href="#{_safe(paint.anchor)}">{"".join(self.over[begin:])}</a>']
 
     def take(self, box: _Box) -> None:
         self.taken.append(box)
         self.corners += [box[:2], box[2:]]
 
-    def text(self, text: str, place: Point, weight: str = "400") -> None:
-        full = f"<title>{_safe(text)}</title>" if _cut(text) != text else ""
+    def text(self, text: str, place: Point, weight: str = "400", ink: str = _INK, words: str = "") -> None:
+        said = f"{text}: {words}" if words else text
+        full = f"<title>{_safe(said)}</title>" if _cut(text) != said else ""
         self.over.append(
-            f'<text x="{place[0]:.1f}" y="{place[1] + 4.5:.1f}" text-anchor="middle" fill="{_INK}" '
+            f'<text x="{place[0]:.1f}" y="{place[1] + 4.5:.1f}" text-anchor="middle" fill="{ink}" '
             f'font-weight="{weight}">{_safe(_cut(text))}{full}</text>'
         )
 
@@ -173,6 +213,15 @@ class _Picture:
                     self.line_of_legend(_cut(name), left, y, "600")
                 self.line_of_legend(part, left + column, y, "400")
                 y += 18
+
+    def write_key(self) -> None:
+        left, _, _, bottom = self.bounds()
+        y = bottom + 24
+        for state in (one for one in _LINES if any(paint.state == one for paint in self.painted.values())):
+            ink, style = _LINES[state]
+            self.under.append(f'<path d="M{left:.1f} {y:.1f}h34" stroke="{ink}" {style}/>')
+            self.line_of_legend(state, left + 44, y + 4, "400")
+            left += 44 + 9 * len(state) + 24
 
     def line_of_legend(self, text: str, x: float, y: float, weight: str) -> None:
         self.over.append(
@@ -194,8 +243,9 @@ class _Picture:
             f'fill="{_INK}">{_safe(title)}</text>'
         )
         shapes = "\n".join([heading, *self.under, *self.over])
+        role = "group" if any(paint.anchor for paint in self.painted.values()) else "img"
         return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{_safe(title)}" '
+            f'<svg xmlns="http://www.w3.org/2000/svg" role="{role}" aria-label="{_safe(title)}" '
             f'viewBox="{left:.1f} {top:.1f} {wide:.1f} {high:.1f}" width="{wide:.0f}" height="{high:.0f}" '
             f'font-family="system-ui, -apple-system, Segoe UI, sans-serif" font-size="13">\n'
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{high:.1f}" rx="8" '

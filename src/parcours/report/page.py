@@ -19,7 +19,21 @@ from markupsafe import Markup
 
 from parcours.report import prose
 from parcours.report.cells import group_spans, shown, sides
-from parcours.report.pieces import Animation, Cell, Column, Figure, Marked, Page, Piece, anchors
+from parcours.report.pieces import (
+    Animation,
+    Cause,
+    Cell,
+    Column,
+    Failing,
+    Failures,
+    Figure,
+    Marked,
+    Page,
+    Piece,
+    anchors,
+    plain_anchor,
+    unique,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -36,6 +50,9 @@ def to_html(page: Page) -> str:
     script = "".join([_file("page.js"), *dict.fromkeys(animation.script for animation in animations)])
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     numbers = itertools.count(1)
+    failures = [p for section in page.sections for p in section.pieces if isinstance(p, Failures)]
+    cases = iter(unique(f"case_{plain_anchor(one.id)}" for p in failures for cause in p.causes for one in cause.cases))
+    causes = itertools.count(1)
     return _template().render(
         page=page,
         sections=list(zip(anchors(page), page.sections, (blocks(s.pieces) for s in page.sections), strict=True)),
@@ -43,6 +60,7 @@ def to_html(page: Page) -> str:
         script=Markup(script),
         script_hash=digest,
         drawn=lambda figure: _adopted(figure, next(numbers)),
+        listed=lambda piece: _listed(piece, causes, cases),
     )
 
 
@@ -72,12 +90,22 @@ def _template() -> Template:
     return environment.from_string(_file("page.html"))
 
 
-def _cells(row: tuple[Cell, ...], columns: tuple[Column, ...]) -> list[tuple[str, str, str]]:
-    """Return text, tone and reason of each cell of a row."""
+def _cells(row: tuple[Cell, ...], columns: tuple[Column, ...]) -> list[tuple[str, str, str, str]]:
+    """Return text, tone, reason and link of each cell of a row."""
     return [
-        (shown(cell, column), *((cell.tone, cell.why) if isinstance(cell, Marked) else ("", "")))
+        (shown(cell, column), *((cell.tone, cell.why, cell.link) if isinstance(cell, Marked) else ("", "", "")))
         for cell, column in zip(row, columns, strict=True)
     ]
+
+
+def _listed(
+    piece: Failures, numbers: Iterator[int], anchors: Iterator[str]
+) -> Iterator[tuple[str, Cause, list[tuple[str, Failing, list[tuple[str, str, str, str]]]]]]:
+    """Yield each cause with its anchor and its cases, each with an anchor and its cells: the verdict, then figures."""
+    columns = (Column("verdict"), *piece.columns)
+    for cause in piece.causes:
+        rows = [(next(anchors), one, _cells((one.verdict, *one.values), columns)) for one in cause.cases]
+        yield f"cause_{next(numbers)}", cause, rows
 
 
 def _adopted(figure: Figure, number: int) -> Markup:
@@ -85,7 +113,7 @@ def _adopted(figure: Figure, number: int) -> Markup:
     svg = _bare(figure.svg)
     prefix = f"f{number}-"
     svg = re.sub(r'(?<=\sid=")', prefix, svg)
-    svg = re.sub(r'(?<=url\(#)|(?<=href="#)', prefix, svg)
+    svg = re.sub(r'(?<=url\(#)|(?<=href="#)(?!taken_)', prefix, svg)
     return Markup(svg)
 
 

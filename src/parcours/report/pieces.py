@@ -6,7 +6,7 @@ A study composes these; the rest of report/ turns them into HTML (page), text (t
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -25,11 +25,12 @@ Floats: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """A cell to look at: a value with a tone, and optionally why (shown when pointed at)."""
+    """A cell to look at: a value with a tone, and optionally why (shown when pointed at), and where on the page to."""
 
     value: str | int | float | None
     tone: Tone = "poor"
     why: str = ""
+    link: str = ""
 
 
 Cell: TypeAlias = str | int | float | Marked | None
@@ -76,6 +77,7 @@ class Table:
         rows: one tuple of cells a row, as many as there are columns.
         note: small print below it: source, what is reconstructed; may use the marks of Text.
         folded: whether a page shows only its title until it is opened.
+        anchors: of its rows, by which links find them; empty if none does.
 
     Raises:
         BadRequest: a row has more or fewer cells than there are columns.
@@ -89,6 +91,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     folded: bool = False
+    anchors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, 1):
@@ -161,6 +164,7 @@ class Animation:
         data: what the script plays, as JSON.
         script: JavaScript of our own making, once on the page; it finds `data` in each `figure.replay`.
         note: small print below it.
+        anchor: by which a link finds it; empty if none does.
     """
 
     title: str
@@ -169,39 +173,132 @@ class Animation:
     data: str
     script: str
     note: str = ""
+    anchor: str = ""
 
 
-Piece: TypeAlias = Table | Figure | Text | Code | Findings | Animation
+@dataclass(frozen=True, slots=True)
+class Failing:
+    """A case that did not pass, as a row: what happened, and how to see it again.
+
+    Attributes:
+        id: of the case.
+        verdict: fail, error or inconclusive.
+        why: the reason, a sentence.
+        values: a figure for each column of the table it stands in; None where it has none.
+        commands: that run it again, most useful first.
+        replay: anchor of a replay on the page; empty if there is none.
+    """
+
+    id: str
+    verdict: Cell
+    why: str
+    values: tuple[Cell, ...] = ()
+    commands: tuple[str, ...] = ()
+    replay: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Cases that did not pass for the same reason: the reason, how many they are, and those that are listed."""
+
+    words: str
+    count: int
+    cases: tuple[Failing, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Failures:
+    """Cases that did not pass, by cause: a table that readers filter and sort, each row with a link of its own.
+
+    Attributes:
+        title: what the table shows.
+        causes: commonest first.
+        columns: of the figures that each case has.
+        note: small print below it.
+        what: the head of the first column.
+    """
+
+    title: str
+    causes: tuple[Cause, ...]
+    columns: tuple[Column, ...] = ()
+    note: str = ""
+    what: str = "case"
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The first paragraph of a report, in words anybody understands; each text may use the marks of `Text`.
+
+    Attributes:
+        tested: what was tested.
+        verdict: what came of it, a sentence.
+        tone: how welcome that is.
+        facts: what matters most, at most three sentences.
+        advice: what to do next.
+    """
+
+    tested: str
+    verdict: str
+    tone: Tone
+    facts: tuple[str, ...]
+    advice: str
+
+
+Piece: TypeAlias = Table | Figure | Text | Code | Findings | Animation | Failures
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A titled part of a page: a lead in plain words, then pieces; an empty anchor is made from the title."""
+    """A titled part of a page: a lead in plain words, then pieces; an empty anchor is made from the title.
+
+    Sections of one `part` follow each other under its name in the list of contents.
+    """
 
     title: str
     lead: str
     pieces: tuple[Piece, ...]
     anchor: str = ""
+    part: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A whole report: `facts` are what it stands on, key and value (seed, cases, version)."""
+    """A whole report: `facts` are what it stands on, key and value (seed, cases, version); the summary comes first."""
 
     title: str
     subtitle: str
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
+    summary: Summary | None = None
 
 
 def anchors(page: Page) -> tuple[str, ...]:
     """Return one anchor a section: what it asked for or its title in plain letters, made unique by a number."""
-    taken: list[str] = []
-    for section in page.sections:
-        plain = re.sub(r"[^a-z0-9]+", "-", (section.anchor or section.title).lower()).strip("-") or "section"
-        name, number = plain, 1
+    return unique(plain_anchor(section.anchor or section.title) for section in page.sections)
+
+
+def plain_anchor(text: str) -> str:
+    """Return a text in letters that an anchor may have.
+
+    >>> plain_anchor("lift/ITP1-tp11/0")
+    'lift-itp1-tp11-0'
+    """
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "section"
+
+
+def unique(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names, each that was there before with a number.
+
+    >>> unique(["a", "b", "a"])
+    ('a', 'b', 'a-2')
+    """
+    last: dict[str, int] = {}
+    taken: dict[str, None] = {}
+    for plain in names:
+        name, number = plain, last.get(plain, 1)
         while name in taken:
             number += 1
             name = f"{plain}-{number}"
-        taken.append(name)
+        last[plain] = number
+        taken[name] = None
     return tuple(taken)

@@ -8,7 +8,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TextIO
 
 from parcours.report.cells import group_spans, shown, sides, text_rows
-from parcours.report.pieces import Animation, Code, Figure, Findings, KeyFigure, Marked, Page, Table, Text, Tone
+from parcours.report.pieces import (
+    Animation,
+    Code,
+    Failures,
+    Figure,
+    Findings,
+    KeyFigure,
+    Marked,
+    Page,
+    Table,
+    Text,
+    Tone,
+)
 from parcours.report.prose import plain
 
 if TYPE_CHECKING:
@@ -38,6 +50,10 @@ def print_page(page: Page, to: TextIO | None = None) -> None:
     """Print what a page says in words and tables; charts, animations and folded tables by their titles."""
     console = _console(to)
     _raw(console, f"{page.title}\n{plain(page.subtitle)}".strip())
+    if page.summary is not None:
+        one = page.summary
+        parts = [f"{one.tested} {one.verdict}", *(f"- {fact}" for fact in one.facts), one.advice]
+        console.print("\n".join(plain(text) for text in parts if text), markup=False, highlight=False, soft_wrap=True)
     _raw(console, "  ".join(f"{key}: {value}" for key, value in page.facts))
     for section in page.sections:
         _raw(console, "")
@@ -88,6 +104,9 @@ def _said(piece: object) -> str:
         return f"chart: {piece.title}"
     if isinstance(piece, Animation):
         return f"replay {piece.title}: {plain(piece.subtitle)}"
+    if isinstance(piece, Failures):
+        said = [f"  {cause.words} ({cause.count:,d})" for cause in piece.causes]
+        return "\n".join([f"{piece.title}:", *map(_one_line, said)])
     if isinstance(piece, Table):
         return f"{piece.title}: {len(piece.rows)} rows"
     raise TypeError(f"not a piece of a page: {piece!r}")

@@ -18,8 +18,8 @@ _held: set[int] = set()  # descriptors of the locks of this process
 def claimed(folder: Path) -> Iterator[None]:
     """Let no other run write in a folder while the block lasts.
 
-    The lock is that of `flock`, and no file is left behind. Processes that are forked meanwhile have no part in it:
-    it ends when this process does, also by kill -9. Where the file system knows no such locks, nothing is locked.
+    The lock is an `flock` on the folder itself, so no file is left behind. Processes forked meanwhile do not hold it:
+    it ends with this process, however that ends. On a file system without such locks, nothing is locked.
 
     Raises:
         BadResults: another run is writing there.
@@ -34,10 +34,10 @@ def claimed(folder: Path) -> Iterator[None]:
     except BlockingIOError:
         by = _holder(handle)
         os.close(handle)
-        rule = f"one run at a time may write there, but {by} does"
-        raise BadResults(str(folder), rule, "wait until it has ended, or name another folder",
+        rule = f"only one run at a time may write there, but {by} is writing"
+        raise BadResults(str(folder), rule, "wait until it ends, or name another folder",
                          slug="results-busy") from None  # fmt: skip
-    except OSError:  # a file system of another machine, say
+    except OSError:  # a network file system, say
         pass
     _held.add(handle)
     try:
@@ -49,7 +49,7 @@ def claimed(folder: Path) -> Iterator[None]:
 
 
 def _holder(handle: int) -> str:
-    """Return who holds the lock, by what Linux tells of all locks."""
+    """Return who holds the lock, according to Linux's list of all locks."""
     inode = str(os.fstat(handle).st_ino)
     with contextlib.suppress(OSError, IndexError):
         for line in Path("/proc/locks").read_text().splitlines():
@@ -60,7 +60,7 @@ def _holder(handle: int) -> str:
 
 
 def _leave_to_parent() -> None:
-    """Close the locks of the parent in a process just forked: it must not hold them longer than the parent lives."""
+    """Close the parent's locks in a process just forked, which must not hold them when the parent has ended."""
     for handle in _held:
         with contextlib.suppress(OSError):
             os.close(handle)

@@ -1,25 +1,44 @@
-"""The rows of a shard as bytes, column after column, deflated; and back, all fields or some.
+"""The rows of a shard as Parquet, a column for each number of a case; and back, all fields or some.
 
-    rows   n0 x0 y0 │ n1 x1 y1 │ n2 x2 y2        a record per case
-    bytes  n0 n1 n2 │ x0 x1 x2 │ y0 y1 y2        what is alike lies together: a third of the size
+    dtype    number │ inner: x, y │ counts (3,)
+    columns  number │ inner.x │ inner.y │ counts    an array is a list of as many numbers, a text its bytes
 
-A flat array has a column for each of its numbers, and so has a record within a record.
+Nothing in it says who wrote it or when: the same rows are the same bytes, by one version of pyarrow.
 """
 
 from __future__ import annotations
 
-import zlib
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-_LEVEL = 6
+if TYPE_CHECKING:
+    import pyarrow
+
+_LEVEL = 3  # of zstd
 
 
 def pack(rows: NDArray[np.void]) -> bytes:
-    """Return rows without padding, shape (n,), as bytes."""
-    rows = np.ascontiguousarray(rows)
-    return zlib.compress(b"".join(run.T.tobytes() for field in _fields(rows) for run in field), _LEVEL)
+    """Return rows without padding, shape (n,), as a Parquet file of one row group."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    leaves = dict(_leaves(rows))
+    arrays = {name: _packed(values) for name, values in leaves.items()}
+    fields = [pa.field(name, array.type, nullable=False) for name, array in arrays.items()]
+    # Alike bytes of numbers lie together (BYTE_STREAM_SPLIT), which halves them; a list is one column of its own name.
+    split = [_path(name, array) for name, array in arrays.items() if leaves[name].dtype.kind in "iuf"]
+    split = [path for path in split if leaves[path.removesuffix(".list.element")].dtype.itemsize > 2]
+    sink = pa.BufferOutputStream()
+    pq.write_table(
+        pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields)), sink,
+        row_group_size=max(1, len(rows)), compression="zstd", compression_level=_LEVEL, use_dictionary=False,
+        use_byte_stream_split=split, write_statistics=False, store_schema=False, version="2.6", data_page_version="1.0",
+    )  # fmt: skip
+    return bytes(sink.getvalue())
 
 
 def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> None:
@@ -28,7 +47,7 @@ def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> 
     Args:
         content: what `pack` returned.
         dtype: of what was packed, without padding.
-        rows: as many as were packed, contiguous, with all its fields or with some.
+        rows: as many as were packed, with all its fields or with some.
 
     Raises ValueError: the bytes are not those of as many rows.
 
@@ -37,44 +56,59 @@ def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> 
     >>> some["x"].tolist()
     [0.5, 0.25]
     """
-    n, inflating = len(rows), zlib.decompressobj()
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     try:
-        plain = inflating.decompress(content, n * dtype.itemsize + 1)
-    except zlib.error as error:
+        file = pq.ParquetFile(pa.BufferReader(content))
+        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != [name for name, _ in _leaves(np.empty(0, dtype))]:
+            raise ValueError(f"{len(rows)} rows of {dtype.itemsize} bytes are expected, but it holds others")
+        leaves = dict(_leaves(rows))
+        table = file.read(list(leaves), use_threads=False)
+        for name, places in leaves.items():
+            places[...] = _unpacked(table.column(name).combine_chunks(), places)
+    except (pa.ArrowException, OSError, KeyError) as error:
         raise ValueError(str(error)) from error
-    if len(plain) != n * dtype.itemsize or not inflating.eof or inflating.unused_data:
-        raise ValueError(f"{n} rows of {dtype.itemsize} bytes are expected, but it holds others")
-    places, at = dict(zip(rows.dtype.names or (), _fields(rows), strict=True)), 0
-    for name in dtype.names or ():
-        for run in places.get(name, ()):
-            run.T[...] = np.frombuffer(plain, run.dtype, run.size, at).reshape(run.shape[::-1])
-            at += run.nbytes
-        at += 0 if name in places else n * dtype[name].itemsize
 
 
-def _fields(rows: NDArray[np.void]) -> list[list[NDArray[np.void]]]:
-    """Return for each field its numbers, as views of shape (n, k) with the k numbers of one size that lie together."""
-    found = []
-    for name in rows.dtype.names or ():
-        dtype, start = rows.dtype.fields[name][:2]  # type: ignore[index]
-        runs: list[tuple[int, int, int]] = []  # offset, size of a number, how many
-        for size in _sizes(dtype):
-            at, last, many = runs[-1] if runs else (start, 0, 0)
-            if size == last:
-                runs[-1] = at, size, many + 1
-            else:
-                runs.append((at + last * many, size, 1))
-        found.append([
-            np.ndarray((len(rows), many), f"V{size}", rows.data, at, (rows.itemsize, size)) for at, size, many in runs
-        ])  # fmt: skip
-    return found
+def _leaves(rows: NDArray[Any], name: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the columns: views of shape (n, ...), of numbers, truth values or texts."""
+    if rows.dtype.names is None:
+        yield name, rows
+    for inner in rows.dtype.names or ():
+        yield from _leaves(rows[inner], f"{name}.{inner}" if name else inner)
 
 
-def _sizes(dtype: np.dtype[np.generic]) -> list[int]:
-    """Return the sizes of the numbers that a field holds, in their order [bytes]."""
-    if dtype.subdtype is not None:
-        inner, shape = dtype.subdtype
-        return _sizes(inner) * int(np.prod(shape))
-    if dtype.names is not None:
-        return [size for name in dtype.names for size in _sizes(dtype.fields[name][0])]  # type: ignore[index]
-    return [dtype.itemsize]
+def _path(name: str, array: pyarrow.Array) -> str:
+    import pyarrow as pa
+
+    return f"{name}.list.element" if pa.types.is_fixed_size_list(array.type) else name
+
+
+def _packed(values: NDArray[Any]) -> pyarrow.Array:
+    import pyarrow as pa
+
+    flat = np.ascontiguousarray(values).reshape(-1)
+    if flat.dtype.kind in "biuf" and flat.dtype.itemsize <= 8:
+        array = pa.array(flat)
+    elif flat.dtype.kind == "S":
+        array = pa.array(flat.tolist(), pa.binary())
+    else:  # as it lies in memory
+        array = pa.Array.from_buffers(pa.binary(flat.dtype.itemsize), len(flat), [None, pa.py_buffer(flat.tobytes())])
+    return array if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(array, math.prod(values.shape[1:]))
+
+
+def _unpacked(array: pyarrow.Array, like: NDArray[Any]) -> NDArray[Any]:
+    """Return the values of a column in the shape and of the dtype of `like`. Raises ValueError: they are others."""
+    flat = array if like.ndim == 1 else array.flatten()
+    if flat.null_count or len(flat) != like.size:
+        raise ValueError(f"{like.size} values are expected, but it holds {len(flat)}")
+    if like.dtype.kind in "biuf" and like.dtype.itemsize <= 8:
+        found = flat.to_numpy(zero_copy_only=False)
+        if found.dtype != like.dtype:
+            raise ValueError(f"values of {like.dtype} are expected, but it holds {found.dtype}")
+    elif like.dtype.kind == "S":
+        found = np.array(flat.to_pylist(), like.dtype)
+    else:
+        found = np.frombuffer(b"".join(flat.to_pylist()), like.dtype)
+    return found.reshape(like.shape)

@@ -6,8 +6,11 @@ A shard holds the results of consecutive cases, without padding and little-endia
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import itertools
+import os
+import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -25,6 +28,7 @@ from parcours.run.manifest import Campaign as Campaign
 from parcours.run.stops import read_stop
 
 _PART = 8192  # cases that are read together at least: small enough for a cache, large enough for NumPy
+_SUM = re.compile(r"shard-(\d{6,})\.parquet\.sha256", re.ASCII)
 
 Rows = NDArray[np.void]
 """Results, one record per case, shape (n_cases,)."""
@@ -34,9 +38,9 @@ class Store:
     """The results of one campaign in one folder. Make it with `create` or `open_results`."""
 
     # campaign.json              what all shards are results of, and the SHA-256 of what it says
-    #   shard-000000.bin         cases 0..255, one record each
-    #   shard-000000.bin.sha256  its sum: this shard is finished
-    #   shard-000001.bin         without a sum: the writer was killed here, the shard is computed again
+    #   shard-000000.parquet         cases 0..255, one record each
+    #   shard-000000.parquet.sha256  its sum: this shard is finished
+    #   shard-000001.parquet         without a sum: the writer was killed here, the shard is computed again
     # stopped.json               rules that may end it early, and at which case they did: results end there
 
     def __init__(self, folder: Path, campaign: Campaign) -> None:
@@ -68,16 +72,28 @@ class Store:
 
     def path(self, shard: int) -> Path:
         """Return where a shard's rows lie; their sum lies beside them, with .sha256 appended."""
-        return self.folder / f"shard-{shard:06d}.bin"
+        return self.folder / f"shard-{shard:06d}.parquet"
 
     def name(self, shard: int) -> str:
         """Return what to call a shard in a message."""
         cases = self.campaign.cases(shard)
         return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
+    def finished(self) -> set[int]:
+        """Return the shards that are finished, also those beyond a case at which a rule has ended the campaign."""
+        with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as files:
+            return {int(found[1]) for one in files if (found := _SUM.fullmatch(one.name))}
+        return set()
+
+    def in_order(self) -> list[int]:
+        """Return the shards that are finished, of `shards`."""
+        finished = self.finished()
+        return [shard for shard in self.shards if shard in finished]
+
     def missing(self) -> tuple[int, ...]:
         """Return the shards that are still to be computed."""
-        return tuple(shard for shard in self.shards if not self.has(shard))
+        finished = self.finished()
+        return tuple(shard for shard in self.shards if shard not in finished)
 
     def write(self, shard: int, rows: Rows) -> None:
         """Write the results of a shard's cases, shape (len(cases),).
@@ -131,13 +147,9 @@ class Store:
                 return True
             return False
 
-        finished = self.finished()
+        finished = self.in_order()
         with ThreadPoolExecutor(2) as readers:
             return tuple(itertools.compress(finished, readers.map(is_damaged, finished)))
-
-    def finished(self) -> tuple[int, ...]:
-        """Return the shards that are computed, of `shards`."""
-        return tuple(shard for shard in self.shards if self.has(shard))
 
     def parts(self, names: Sequence[str] = ()) -> Iterator[Rows]:
         """Yield the results of the finished shards in their order, some thousand cases at a time.
@@ -149,7 +161,7 @@ class Store:
 
         Raises BadResults: a shard is damaged.
         """
-        finished, together = self.finished(), max(1, _PART // self.campaign.shard_size)
+        finished, together = self.in_order(), max(1, _PART // self.campaign.shard_size)
         groups = [finished[k : k + together] for k in range(0, len(finished), together)]
         ahead = deque[Future[Rows]]()
         with ThreadPoolExecutor(2) as readers:
@@ -177,7 +189,7 @@ class Store:
             total = len(self.shards)
             rule = f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
             raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
-        shards = self.finished()
+        shards = self.in_order()
         ends = np.cumsum([0, *(len(self.campaign.cases(shard)) for shard in shards)]).tolist()
         rows = np.empty(ends[-1], self.campaign.dtype)
         places = [rows[start:end] for start, end in itertools.pairwise(ends)]

@@ -24,7 +24,7 @@ def checked(folder: Folder, path: str, text: str) -> tuple[Cefsm | None, list[Fi
     Args:
         path: where the text is a file of the folder; files that a study names are looked for from there.
     """
-    kind = kind_of(text[:4096].encode(errors="replace"))
+    kind = kind_of(text)
     if kind == "model":
         found = check_text(text, path)
         return found.model, list(found.findings)

@@ -20,11 +20,15 @@ from pathlib import Path, PurePosixPath
 from parcours.errors import BadRequest
 from parcours.model.documents import MAX_BYTES
 from parcours.run.atomic import write_atomically
+from parcours.run.store import MANIFEST
+from parcours.study.components.results import FILE as COMPONENTS
+from parcours.study.journal import RUN
 
 SUFFIXES = (".yaml", ".yml")
-RESULTS = ("run.json", "campaign.json", "components.json")
-_KIND = re.compile(rb"(?m)^parcours:\s*[\"']?([a-z]{1,20})/[0-9]")
+RESULTS = (RUN, MANIFEST, COMPONENTS)
+_KIND = re.compile(r"(?m)^parcours:\s*[\"']?([a-z]{1,20})/[0-9]")
 _SKIPPED = ("node_modules", "__pycache__")
+_HEAD = 4096  # a file says in its first bytes what it is
 _DEPTH, _MOST_SEEN, _MOST_LISTED = 8, 20_000, 2000
 
 
@@ -70,7 +74,8 @@ class Folder:
                         waiting.append((path, depth + 1))
                     elif one.name.endswith(SUFFIXES) and one.is_file(follow_symlinks=False):
                         with contextlib.suppress(BadRequest):
-                            found.append(Entry(path, kind_of(self.read(path, 4096, cut=True))))
+                            head = self.read(path, _HEAD, cut=True).decode(errors="replace")
+                            found.append(Entry(path, kind_of(head)))
         return sorted(found, key=lambda one: one.path)[:_MOST_LISTED], not waiting and len(found) <= _MOST_LISTED
 
     def text(self, path: str) -> Text:
@@ -103,8 +108,8 @@ class Folder:
             write_atomically(self.root / path, content)
             return _version(content)
 
-    def read(self, path: str, most: int, *, cut: bool = False) -> bytes:
-        """Return the bytes of a regular file, of a longer one the first `most` if it may be cut.
+    def read(self, path: str, most: int, *, begin: int = 0, cut: bool = False) -> bytes:
+        """Return the bytes of a regular file from `begin` on; at most `most` of a longer one, if it may be cut.
 
         Raises BadRequest: there is none of that path in the folder, or it is larger.
         """
@@ -112,6 +117,7 @@ class Folder:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
                 raise _absent(path)
             with os.fdopen(os.dup(handle), "rb") as file:
+                file.seek(begin)
                 content = file.read(most + 1)
         if len(content) > most and not cut:
             raise _large(path, most)
@@ -148,14 +154,14 @@ class Folder:
             os.close(at)
 
 
-def kind_of(content: bytes) -> str:
+def kind_of(text: str) -> str:
     """Return what a YAML file says it is: `model` of a file with the line `parcours: model/1`, `file` without one.
 
-    >>> kind_of(b"# a lift\\nparcours: model/1\\n"), kind_of(b"name: lift")
+    >>> kind_of("# a lift\\nparcours: model/1\\n"), kind_of("name: lift")
     ('model', 'file')
     """
-    found = _KIND.search(content)
-    return found[1].decode() if found else "file"
+    found = _KIND.search(text, 0, _HEAD)
+    return found[1] if found else "file"
 
 
 def _is_shown(name: str) -> bool:

@@ -22,16 +22,19 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from parcours.errors import BadRequest, ParcoursError
+from parcours.paths import CRITERIA
 from parcours.studio.checking import checked, drawings, require_sound
 from parcours.studio.children import Runs, answer_of
-from parcours.studio.folder import Folder
+from parcours.studio.folder import Folder, kind_of
 from parcours.studio.guarding import Guard
+from parcours.studio.stepping import planned
 from parcours.studio.watching import PERIOD, Watched, study_behind, summary
 
 _OWN = {"": ("page.html", "text/html"), "studio.js": ("studio.js", "text/javascript"),
         "studio.css": ("studio.css", "text/css")}  # fmt: skip
 _QUIET = 150  # looks without news after which a line says that the server is still there
 _MOST_WATCHED = 16
+_CHOICES = [name for name in CRITERIA if name.islower()]  # the others take a number or names
 _STATUS = {"studio-changed": 409, "studio-running": 409, "studio-file": 404, "studio-size": 413}
 
 Endpoint = Callable[[Request], Awaitable[Response]]
@@ -66,7 +69,7 @@ class Studio:
         runs = [one.path for one in entries if one.kind == "run"]
         said = await run_in_threadpool(lambda: [summary(self.folder, run) for run in runs])
         listed = [dataclasses.asdict(one) for one in entries if one.kind != "run"]
-        return {"folder": self.folder.root.name, "files": listed, "runs": said, "all": is_all}
+        return {"folder": self.folder.root.name, "files": listed, "runs": said, "all": is_all, "criteria": _CHOICES}
 
     async def file(self, request: Request) -> object:
         """Return the text of a file, and its version."""
@@ -106,10 +109,7 @@ class Studio:
         model, _ = await run_in_threadpool(checked, self.folder, path, text)
         if model is None:
             raise BadRequest(path, "it has no model to step through", slug="studio-step")
-        from parcours.studio.folder import kind_of
-        from parcours.studio.stepping import planned
-
-        if kind_of(text[:4096].encode(errors="replace")) == "model":
+        if kind_of(text) == "model":
             happened = await run_in_threadpool(planned, model, case)
         else:
             found = await answer_of(self.folder, [full, case], "parcours.studio.stepping")
@@ -256,5 +256,8 @@ def serve(studio: Studio, listener: socket.socket, token: str) -> None:
         app, log_level="error", access_log=False, lifespan="off", ws="none", loop="asyncio", http="h11",
         proxy_headers=False, server_header=False, timeout_graceful_shutdown=2, limit_concurrency=100,
     )  # fmt: skip
+    server = _Server(config, studio)
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as under nohup
+        signal.signal(signal.SIGHUP, server.handle_exit)
     with contextlib.closing(listener):
-        _Server(config, studio).run([listener])
+        server.run([listener])

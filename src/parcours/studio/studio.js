@@ -223,8 +223,7 @@ function running(path, unsaved) {
 }
 
 function generating(path, unsaved) {
-  const names = ["node", "edge", "edge-pair", "2-switch", "prime", "simple-round-trip", "complete-round-trip", "all-defs", "all-uses", "all-du-paths", "channel", "message", "rendezvous"];
-  const criterion = el("select", { id: "criterion" }, names.map((name) => el("option", {}, name)));
+  const criterion = el("select", { id: "criterion" }, listed.criteria.map((name) => el("option", {}, name)));
   criterion.value = "edge";
   const into = el("div", {});
   const paths = () => attempt("Looking for paths", async () => {

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import re
 import tempfile
 from collections import Counter, deque
 from collections.abc import Iterator
 from pathlib import Path
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
-from parcours.run.store import Store, open_results
+from parcours.run.store import MANIFEST, Store, open_results
 from parcours.studio.folder import Folder
+from parcours.study.components.results import FILE as COMPONENTS
 from parcours.study.finding import find, registered
 from parcours.study.journal import CASES, RUN, read_question
 from parcours.study.protocol import Study
@@ -30,8 +29,6 @@ _AT_ONCE = 16  # shards that are read in one look
 _LATEST = 20  # failures that are shown
 _LARGEST = 500_000_000  # file of a run [bytes]
 _RECENT = 32  # arrivals that the speed is taken from
-_SHARD = re.compile(r"shard-(\d{6,12})\.bin\.sha256")
-_MANIFEST = "campaign.json"
 
 
 class Watched:
@@ -60,7 +57,7 @@ class Watched:
         if self._study is None:
             self._study = study_behind(self._folder, self.run)
         before = self._planned, self._counts.total()
-        if self._store is None and (self._path / _MANIFEST).is_file():
+        if self._store is None and (self._path / MANIFEST).is_file():
             self._store = _opened(self._folder, self.run)
             self._planned = self._store.planned
         if self._store is not None:
@@ -73,10 +70,10 @@ class Watched:
         return self._known(self._study.name)
 
     def _look_at_shards(self, store: Store) -> None:
-        new = sorted(set(_finished(self._path)) - self._seen)[:_AT_ONCE]
+        new = sorted(store.finished() - self._seen)[:_AT_ONCE]
         if not new:
             return
-        with self._slice(_MANIFEST) as part:
+        with self._slice(MANIFEST) as part:
             for name in (store.path(shard).name for shard in new):
                 for each in (name, f"{name}.sha256"):
                     (part / each).write_bytes(self._folder.read(f"{self.run}/{each}", _LARGEST))
@@ -87,14 +84,15 @@ class Watched:
         path, content, changed = self._path / CASES, b"", 0.0
         with contextlib.suppress(FileNotFoundError):
             if (found := path.lstat()).st_size > self._end:
-                content, changed = self._folder.read(f"{self.run}/{CASES}", _LARGEST)[self._end :], found.st_mtime
+                content = self._folder.read(f"{self.run}/{CASES}", _LARGEST, begin=self._end, cut=True)
+                changed = found.st_mtime
         whole = content[: content.rfind(b"\n") + 1]
         if whole:
             with self._slice() as part:
                 (part / CASES).write_bytes(whole)
                 self._add(part, changed)
             self._end += len(whole)
-        if not self._planned and (self._path / "components.json").is_file():
+        if not self._planned and (self._path / COMPONENTS).is_file():
             assert self._study is not None
             self._planned = self._study.read(self._path).planned
 
@@ -179,12 +177,5 @@ def _question(folder: Folder, run: str) -> dict[str, object]:
 
 
 def _opened(folder: Folder, run: str) -> Store:
-    folder.read(f"{run}/{_MANIFEST}", _LARGEST)
+    folder.read(f"{run}/{MANIFEST}", _LARGEST)
     return open_results(folder.directory(run))
-
-
-def _finished(path: Path) -> Iterator[int]:
-    with os.scandir(path) as scan:
-        for one in scan:
-            if found := _SHARD.fullmatch(one.name):
-                yield int(found[1])

@@ -17,6 +17,7 @@ from parcours.errors import BadResults
 from parcours.run.atomic import require_writable, unwritable, write_atomically
 from parcours.run.claiming import claimed
 from parcours.run.manifest import differences
+from parcours.study.provenance import provenance
 
 RUN = "run.json"
 CASES = "cases.jsonl"
@@ -40,12 +41,14 @@ def write_question(folder: Path, study: str, where: str, question: Mapping[str, 
             remedy = "name another folder, or give --fresh to discard its results and start again"
             raise BadResults(str(folder), rule, remedy, slug="results-other")
         return
-    document = {"parcours": _FORMAT, "study": study, "where": where, "question": ours}
+    tested = Path(where.partition(":")[0])
+    made = provenance(tested if tested.exists() else None)
+    document = {"parcours": _FORMAT, "study": study, "where": where, "question": ours, "made": made}
     write_atomically(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_question(folder: Path) -> dict[str, object]:
-    """Return the document that `write_question` wrote: study, where, question.
+    """Return the document that `write_question` wrote: study, where, question; made, by what and when.
 
     Raises BadResults: there is none, or it is damaged.
     """
@@ -70,20 +73,20 @@ class Journal:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._closing = contextlib.ExitStack()
-        self._closing.enter_context(claimed(folder))
         self._path = folder / CASES
         self.done: dict[str, dict[str, object]] = {}
         whole = 0
-        try:
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(claimed(folder))
             for key, entry, end in _entries(self._path):
                 self.done[key] = entry
                 whole = end
-            self._file = self._closing.enter_context(self._path.open("ab"))
-            self._file.truncate(whole)
-        except BaseException as error:
-            self._closing.close()
-            raise (unwritable(folder, error) if isinstance(error, OSError) else error) from error
+            try:
+                self._file = opened.enter_context(self._path.open("ab"))
+                self._file.truncate(whole)
+            except OSError as error:
+                raise unwritable(folder, error) from error
+            self._closing = opened.pop_all()
 
     def add(self, key: str, entry: Mapping[str, object]) -> None:
         """Keep the result of a case: it is on the disk when this returns."""

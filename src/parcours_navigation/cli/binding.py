@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import shlex
+from pathlib import Path, PurePosixPath
+from typing import Literal
 
 import click
 
 
-@click.group("binding", short_help="Check a binding file: foreign nodes as a system under test.")
+@click.group("binding", short_help="Check or draft a binding file: foreign nodes as a system under test.")
 def command() -> None:
-    """Check bindings: which nodes that know nothing of Parcours a study of kind `ros` runs (docs/bindings.md)."""
+    """Check and draft bindings: which foreign nodes a study of kind `ros` runs (docs/bindings.md)."""
 
 
 @command.command("check")
@@ -25,7 +27,7 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
     """
     from parcours.errors import HostFailure
     from parcours.run.binding import check_binding, read_binding
-    from parcours_navigation.foreign.door import check_nodes, check_types
+    from parcours_navigation.foreign.checking import check_nodes, check_types
 
     binding = read_binding(file)
     for finding in check_binding(file.read_text(encoding="utf-8"), str(file))[1]:
@@ -42,3 +44,38 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
     except HostFailure as error:
         click.echo(f"message types were not checked: {error}", err=True)
     click.echo(f"{where}: fine")
+
+
+@command.command("new")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--from-graph", is_flag=True, required=True, help="Look at the nodes that run.")
+@click.option("--transport", type=click.Choice(["ros1", "ros2"]), help="Which ROS; else that of this interpreter.")
+@click.option("--master", default="", metavar="URI", help="Of ROS 1; else $ROS_MASTER_URI.")
+@click.option("--interfaces", multiple=True, type=click.Path(path_type=Path, exists=True, file_okay=False),
+              help="A folder with definitions of types that are not installed; several are possible.")  # fmt: skip
+def new(
+    folder: Path, from_graph: bool, transport: Literal["ros1", "ros2"] | None, master: str, interfaces: tuple[Path, ...]
+) -> None:
+    """Write a first binding of the nodes that run, the skeleton of their model, and a study into FOLDER.
+
+    Nodes become components, topics, services and actions channels. Nothing is overwritten.
+
+    Example: parcours binding new mine --from-graph
+    """
+    from parcours.run.binding.drafting import draft
+    from parcours.run.hosts.foreign.looking import address, graph_that_runs, transport_here
+    from parcours.study.copying import study_name, write_new
+
+    kind = transport or transport_here()
+    uri = address(master) if kind == "ros1" else ""
+    name = study_name(folder)
+    places = [one.resolve() for one in interfaces]
+    drafted = draft(*graph_that_runs(kind, uri, places), kind, name, uri, list(map(str, places)))
+    study = f"parcours: study/1\nname: {name}\nkind: ros\n"
+    texts = {"model.yaml": drafted.model, "binding.yaml": drafted.binding, "study.yaml": study}
+    write_new(folder, {PurePosixPath(file): text.encode() for file, text in texts.items()}, frozenset())
+    for note in drafted.notes:
+        click.echo(f"note: {note}", err=True)
+    for file in texts:
+        click.echo(f"wrote {folder / file}")
+    click.echo(f"Next:\n  parcours binding check {shlex.quote(str(folder / 'binding.yaml'))} --live")

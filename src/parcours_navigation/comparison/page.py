@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
-from parcours import __version__
-from parcours.report.pieces import Figure, Findings, KeyFigure, Page, Piece, Section, Text, Tone
+import shlex
+
+import numpy as np
+
+from parcours.report.pieces import (
+    Cause,
+    Column,
+    Failing,
+    Failures,
+    Figure,
+    Findings,
+    KeyFigure,
+    Marked,
+    Page,
+    Piece,
+    Section,
+    Summary,
+    Text,
+    Tone,
+)
 from parcours.report.rates import intervals, shares
 from parcours.report.standings import arrivals, dominance
+from parcours.study.provenance import provenance
+from parcours.study.reporting import percent
+from parcours.verdict.judgement import Verdict
 from parcours_navigation.comparison import tables
 from parcours_navigation.comparison.analysis import Analysis
 from parcours_navigation.comparison.requiring import requirement_tables
-from parcours_navigation.outcomes import Outcome
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain
+from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
 
 SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
     "goal reached in time": ((Outcome.REACHED,), "good"),
@@ -22,6 +44,8 @@ SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
 """Slices of the stacked bars -> the outcomes in them, and their tone."""
 
 _REACHED, _TOUCHED = "goal reached in time, no collision", "collision caused by the robot"
+
+_CLEAR, _GROUPS, _ROWS = 0.05, 30, 600  # a p-value; groups of cases, and rows, that are listed
 
 _READING = """\
 All planners ran **the same cases**: the same obstacles set out at the same times. So they are compared case by case, \
@@ -40,15 +64,19 @@ def compare_page(found: Analysis) -> Page:
     """Return the page of a comparison."""
     made = found.results
     facts = (
+        *provenance().items(),
         ("cases", str(made.n_cases)),
         ("seed", str(made.seed)),
         ("protocol", made.protocol),
         ("command delay", f"{made.command_delay:g} s"),
-        ("parcours", __version__),
     )
     caution = (Text(f"**Unequal machines.** {found.caution}"),) if found.caution else ()
     ended = (_stacked(found), tables.outcome_table(found), tables.question_table(found))
+    failing = _failures(found)
+    lead = "By planner and outcome, of each the cases with the least clearance first; each has a link of its own."
+    failed = Section("Cases that were not solved", lead, (failing,), "failures")
     sections = [
+        *((failed,) if failing.causes else ()),
         Section("What to take home", "", (_findings(found), Text(_READING), *caution), "findings"),
         Section("How the cases ended", "", ended, "outcomes"),
         Section("The paper's results", "", (tables.paper_table(found),), "paper"),
@@ -63,7 +91,58 @@ def compare_page(found: Analysis) -> Page:
     if (errors := tables.error_table(found)) is not None:
         sections.append(Section("Errors", "What planners did that ended a case.", (errors,), "errors"))
     sections.append(Section("Time to decide", "", (tables.decision_table(found),), "decisions"))
-    return Page("Planners on the same cases", ", ".join(found.names), facts, tuple(sections))
+    return Page("Planners on the same cases", ", ".join(found.names), facts, tuple(sections), _summary(found, failing))
+
+
+def _summary(found: Analysis, failing: Failures) -> Summary:
+    best = max(found.standings, key=lambda one: one.questions[_REACHED].share)
+    first = found.standings[0]
+    rates = ", ".join(f"*{one.name}* {percent(one.questions[_REACHED].share)}" for one in found.standings)
+    facts = [f"The goal was reached in time, without a collision: {rates}."]
+    for test in found.tests:
+        if test.question == "reached" and best.name in (test.first, test.second) and best is not first:
+            clear = "is more than chance" if test.p_holm < _CLEAR else "may be chance"
+            facts.append(f"The difference between *{first.name}* and *{best.name}* {clear} (p {test.p_holm:.2g}).")
+    if failing.causes:
+        worst = max(range(len(failing.causes)), key=lambda k: failing.causes[k].count)
+        cause = failing.causes[worst]
+        facts.append(f"Most often unsolved: [{cause.words}](#cause_{worst + 1}), {cause.count:,d} cases.")
+    verdict = (
+        f"{best.name} solved most: {best.questions[_REACHED].count:,d}." if len(found.names) > 1
+        else f"It solved {best.questions[_REACHED].count:,d}."
+    )  # fmt: skip
+    advice = "Open a case of [those that were not solved](#failures), and replay it for two planners." * bool(facts[1:])
+    return Summary(
+        f"{len(found.names)} planners ran the same {found.results.n_cases:,d} cases.", verdict, "neutral",
+        tuple(facts[:3]), advice,
+    )  # fmt: skip
+
+
+def _failures(found: Analysis) -> Failures:
+    """Return the cases that planners failed, by planner and outcome; the commonest first."""
+    groups = [
+        (one.of, outcome, np.flatnonzero(one.of.outcomes == int(outcome)))
+        for one in found.standings
+        for outcome in Outcome
+        if VERDICT_OF[outcome] in (Verdict.FAIL, Verdict.ERROR)
+    ]
+    groups = sorted((each for each in groups if len(each[2])), key=lambda each: -len(each[2]))[:_GROUPS]
+    causes = []
+    for of, outcome, places in groups:
+        facts = of.facts
+        worst = places[np.argsort(facts["min_clearance"][places], kind="stable")][: _ROWS // len(groups)]
+        words = OUTCOME_WORDS.get(outcome, "its own error")
+        cases = tuple(
+            Failing(
+                f"{of.name}, case {facts['number'][k]}", Marked(str(VERDICT_OF[outcome]), "bad"), explain(facts[k]),
+                (float(facts["min_clearance"][k]), float(facts["t_end"][k]) * 1e-9),
+                (shlex.join(["parcours", "replay", of.folder, str(facts["number"][k])]),) if of.folder else (),
+            )
+            for k in worst
+        )  # fmt: skip
+        causes.append(Cause(f"{of.name}: {words}", len(places), cases))
+    columns = Column("least clearance", ".3f", unit="m"), Column("ended at", ".1f", unit="s")
+    return Failures("Cases", tuple(causes), columns)
 
 
 def _findings(found: Analysis) -> Findings:

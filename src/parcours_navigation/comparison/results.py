@@ -50,6 +50,7 @@ class Contender:
     robustness: Floats | None = None  # of each requirement in each case, shape (n_cases, n); None if none are asked
     required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
     own: Mapping[str, Floats] = field(default_factory=dict)  # the user's own measures of each case, NaN where none
+    folder: str = ""  # of its campaign
 
     @property
     def outcomes(self) -> NDArray[np.int64]:

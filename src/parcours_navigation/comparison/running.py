@@ -101,7 +101,7 @@ def run_comparison(
             Contender(
                 name, _fields(kept, FACTS), study.answers or at_once, _reasons(kept), decisions,
                 kept["measures"].copy(), published.get(name), untimed, robustness(kept, requirements).copy(),
-                violations_of(kept, requirements), own_values(kept, requirements),
+                violations_of(kept, requirements), own_values(kept, requirements), _shown(plans[name][1]),
             )
         )  # fmt: skip
     vectors, numbers = tuple(str(cases.vector(number)) for number in range(n_cases)), np.arange(n_cases)
@@ -109,6 +109,11 @@ def run_comparison(
     survival = survived(cases, numbers)
     made = tuple(contenders)
     return Results(made, cases.protocol, seed, n_cases, vectors, command_delay, known, survival, requirements)
+
+
+def _shown(folder: Path) -> str:
+    """Return a folder as a user would name it: from the current one, where it lies in that."""
+    return str(folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder)
 
 
 def folder_name(planner: str) -> str:

@@ -132,7 +132,8 @@ class AbstractDrive:
             self._background.say(now)
             if now >= begin:
                 self._grant(now)
-            session.poll(session.now() + (_GLANCE if self._is_awaited() else 5_000_000))
+            session.is_clock_held = self._is_awaited()
+            session.poll(session.now() + (_GLANCE if session.is_clock_held else 5_000_000))
             self._judge.watch.quiet(session.horizon)
             self._expire(session.now())
         self._thaw(all_of_them=True)
@@ -161,6 +162,8 @@ class AbstractDrive:
                 if to_do and to_do[0].since < 0 and self._precedence.allows(to_do[0].event, self._done):
                     to_do[0].since = now
                     moved |= self._begin(reference, to_do[0])
+                elif to_do and to_do[0].since >= 0 and self._is_result(to_do[0]) and not to_do[0].is_given:
+                    moved |= self._begin(reference, to_do[0])
                 elif to_do and to_do[0].since >= 0 and self._is_over_for(reference, to_do[0]):
                     moved |= self._finish(reference, to_do[0])
 
@@ -171,11 +174,20 @@ class AbstractDrive:
                 self._gated(event, self._made(channel))
             turn.missing.clear()
         elif event.receives is not None and event.receives.channel in self._bound:
+            if self._is_result(turn) and self._call_of(self._slots[reference], event.receives.channel) is None:
+                return False  # its client asks for it once it knows that its goal was accepted
             if not turn.missing and not self._freeze(reference, event.position):
                 turn.effort = self._session.effort(self._slots[reference])
             self._give(reference, turn)
         turn.is_given = True
         return bool(self._is_over_for(reference, turn) and not self._failed and self._finish(reference, turn))
+
+    def _is_result(self, turn: _Turn) -> bool:
+        """Whether the event receives the result of an action in a node."""
+        receives = turn.event.receives
+        if receives is None or receives.channel not in self._bound or turn.event.reference not in self._slots:
+            return False
+        return self._binding.channel(receives.channel).action == "result"
 
     def _is_over_for(self, reference: int, turn: _Turn) -> bool:
         """Whether the node has done all that the event says; what it takes silently it has taken once it rests."""
@@ -281,6 +293,8 @@ class AbstractDrive:
     def _gated(self, event: Event, message: Message) -> None:
         sent = next(send for send in event.sends if send.channel == message.channel)
         self._relay.settle(message)
+        if self._binding.channel(message.channel).action and message.call is not None and message.call.reply:
+            self._maker.answer(self._relay, message)
         if sent.to == "reference":
             self._gates.setdefault((event.position, message.channel), deque()).append(message)
             self._relay.record("hold", message.sender, message)

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +20,9 @@ from parcours.abtc import MARK, parse_orders
 from parcours.errors import BadRequest, BadResults, BadSuite, ParcoursError, one_of
 from parcours.report.pieces import Piece, Table
 from parcours.run.atomic import require_writable, write_atomically
-from parcours.run.binding import Binding, compile_binding
+from parcours.run.binding import Binding
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
-from parcours.run.hosts.foreign.graph import types_of
 from parcours.run.recording.topic import no_bag
 from parcours.study.journal import Journal, read_question, write_question
 from parcours.study.parameters import Parameter, Settings
@@ -34,6 +33,7 @@ from parcours.verdict.timing import parse_bound
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.foreign.abstract import PATIENCE
 from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes, in_orders
+from parcours_navigation.foreign.checking import check_nodes, check_types, is_own
 from parcours_navigation.foreign.isolation import Order, run_apart
 from parcours_navigation.foreign.results import RosResults, tables, waterfalls
 from parcours_navigation.foreign.timing import spans
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from parcours.study.protocol import Results
 
 FILE = "results.json"
-_FORMAT = "ros/1"
+_FORMAT = "ros/2"
 SYSTEM = "system"
 """What stands for the abstract case in the id of a system case; its row is the number of the case."""
 
@@ -121,7 +121,7 @@ class RosStudy:
         require_writable(out)
         decides = {one.name: settings[one.name] for one in self.parameters if one.decides}
         decides["faults"] = str(read_plan(str(settings["faults"]))) if settings["faults"] else ""
-        question = {"seed": request.seed, "settings": decides, "files": dict(self.digests)}
+        question = {"form": _FORMAT, "seed": request.seed, "settings": decides, "files": dict(self.digests)}
         write_question(out, self.name, self.where, question)
         planned = len(ids) + len(timing)
         write_atomically(out / FILE, (json.dumps({"parcours": _FORMAT, "planned": planned}) + "\n").encode())
@@ -315,43 +315,8 @@ class RosStudy:
     def _order(self, settings: Settings, seed: int, out: Path, ids: Sequence[str]) -> Order:
         system = [id for id in ids if id.startswith(f"{SYSTEM}/")]
         return Order(
-            self.binding.source, str(out), _is_own(self.binding, settings["master"], settings["network"]),
+            self.binding.source, str(out), is_own(self.binding, settings["master"], settings["network"]),
             str(settings["master"]), seed, str(settings["protocol"]), str(settings["faults"]), str(settings["record"]),
             int(settings["repeats"]), tuple(id for id in ids if id not in system),
             tuple(int(id.partition("/")[2]) for id in system), about={"study": self.name, "where": self.where},
         )  # fmt: skip
-
-
-def _is_own(binding: Binding, master: object, network: object) -> bool:
-    """Return whether master and nodes run in a network of their own."""
-    return not master and not binding.master and network == "own"
-
-
-def check_types(binding: Binding, *, others: bool = False) -> None:
-    """Compare a binding with its message types.
-
-    Args:
-        binding: checked.
-        others: whether types may be unknown, since a node may yet tell them.
-
-    Raises:
-        BadRequest: a place or a formula does not fit its type, or a type is not known.
-        HostFailure: there is no such ROS.
-    """
-    try:
-        compile_binding(binding, types_of(binding))
-    except BadRequest as error:
-        if not others or binding.transport != "ros1" or "unknown-message-type" not in str(error):
-            raise
-
-
-def check_nodes(binding: Binding, master: str, network: str) -> list[str]:
-    """Start the nodes of a binding once, compare what they register with it, and return what it should say otherwise.
-
-    Raises:
-        HostFailure: a node does not start, or something bound is missing or of another type.
-    """
-    with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
-        own = _is_own(binding, master, network)
-        [result] = run_apart(Order(binding.source, folder, own, master, only_check=True))
-    return [str(one) for one in cast(list[object], result["proposals"])]

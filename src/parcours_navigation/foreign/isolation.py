@@ -133,6 +133,7 @@ def main(descriptor: int) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends now anyway
         line.send(("end", None))
     except ParcoursError as error:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         line.send(("error", error))
     except (KeyboardInterrupt, BrokenPipeError):
         pass
@@ -151,7 +152,6 @@ def _end_with_study() -> None:
 def _obey(order: Order, say: Callable[[str, object], None]) -> None:
     from parcours.run.binding import read_binding
     from parcours.run.hosts.foreign.host import ForeignHost
-    from parcours_navigation.foreign.running import ForeignStudy, check_live
 
     binding, out = read_binding(order.binding), Path(order.out)
     if order.only_check and binding.stack is not None:
@@ -162,8 +162,12 @@ def _obey(order: Order, say: Callable[[str, object], None]) -> None:
         return
     with ForeignHost(binding, out / "nodes", order.master) as host:
         if order.only_check:
+            from parcours_navigation.foreign.checking import check_live
+
             say("result", {"proposals": check_live(host)})
             return
+        from parcours_navigation.foreign.running import ForeignStudy
+
         for result in ForeignStudy(host, order).run():
             say("result", result.entry())
 

@@ -9,7 +9,7 @@ import heapq
 import itertools
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -20,7 +20,7 @@ from parcours.abtc import Event
 from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, ENDS
+from parcours.run.binding.passing import BEGINS, ENDS, SCHEDULED
 from parcours.run.binding.readings import Reading
 from parcours.run.enforcement import disorder
 from parcours.run.hosts.realtime import DIED
@@ -51,6 +51,7 @@ class Judged:
         deaths: component -> how it ended.
         deviations: the first of each component that left the model.
         held: how long messages were kept in gates [ns], one each.
+        scheduling: component that was to run in real time -> under which rule it ran.
     """
 
     judgement: Judgement
@@ -58,6 +59,21 @@ class Judged:
     deaths: tuple[tuple[str, str], ...] = ()
     deviations: tuple[Deviation, ...] = ()
     held: tuple[int, ...] = ()
+    scheduling: tuple[tuple[str, str], ...] = ()
+
+
+def excused(judgement: Judgement, scheduling: Mapping[str, str]) -> Judgement:
+    """Return a failure that time may have caused as inconclusive, if a node did not get the real time it was to have.
+
+    >>> excused(Judgement(Verdict.FAIL, "too late"), {"Planner": "SCHED_OTHER"}).why
+    'too late; but Planner was to run in real time, which is not allowed here: it ran under SCHED_OTHER [no-real-time]'
+    """
+    late = {name: rule for name, rule in scheduling.items() if not rule.startswith("SCHED_FIFO")}
+    if judgement.verdict is not Verdict.FAIL or not late:
+        return judgement
+    rules = ", ".join(sorted(set(late.values())))
+    why = f"{', '.join(late)} was to run in real time, which is not allowed here: it ran under {rules} [no-real-time]"
+    return Judgement(Verdict.INCONCLUSIVE, f"{judgement.why}; but {why}")
 
 
 class Beside(Generic[T]):
@@ -101,6 +117,7 @@ class _Watch:
         self._beside: Beside[TraceEvent | int] | None = Beside(self.conformers.take, "conformance") if live else None
         self._take = self._beside.put if self._beside else self.conformers.take
         self.deaths: dict[str, str] = {}
+        self.scheduling: dict[str, str] = {}
         self.error: HostFailure | None = None
         self.began = -1
         self.ended = -1
@@ -116,6 +133,8 @@ class _Watch:
                 self.began = event.time
             elif event.text == ENDS:
                 self.ended = event.time
+            elif event.text.startswith(SCHEDULED):
+                self.scheduling[event.component] = event.text.removeprefix(SCHEDULED)
             elif event.text.startswith(DIED):
                 self.deaths.setdefault(event.component, event.text.removeprefix(DIED))
             self.is_faulty |= event.text == FAULTY
@@ -150,6 +169,11 @@ class _Watch:
     def unreadable(self) -> HostFailure | None:
         """The first message that could not be read."""
         return self.error or self.conformers.error
+
+    def fair(self, judgement: Judgement) -> Judgement:
+        """Return the verdict without what may be due to time alone; deaths and wrong messages are not."""
+        is_wrong = any(not one.doubt and one.event is not None for one in self.deviations)
+        return judgement if self.deaths or is_wrong else excused(judgement, self.scheduling)
 
     def first(self) -> Judgement | None:
         """Return the verdict on everything but what the case is about; None if nothing is wrong."""
@@ -229,10 +253,11 @@ class SystemJudge:
         if self._facts is None:
             judgement = Judgement(Verdict.INCONCLUSIVE, f"the case was cut short; {why}")
         else:
-            judgement = watch.first() or Judgement(VERDICT_OF[outcome], why)
+            judgement = watch.fair(watch.first() or Judgement(VERDICT_OF[outcome], why))
         if why not in judgement.why:
             judgement = replace(judgement, why=f"{judgement.why}; {why}")
-        return Judged(judgement, outcome.name.lower().replace("_", " "), tuple(watch.deaths.items()), watch.deviations)
+        return Judged(judgement, outcome.name.lower().replace("_", " "), tuple(watch.deaths.items()), watch.deviations,
+                      scheduling=tuple(watch.scheduling.items()))  # fmt: skip
 
 
 class AbstractJudge:
@@ -265,8 +290,9 @@ class AbstractJudge:
         watch.close()
         trace = Trace("wall", tuple(sorted(self._trace, key=lambda event: event.time)))
         times = tuple(held(trace).values())
-        judgement = watch.first() or self._order(trace, times)
-        return Judged(judgement, "", tuple(watch.deaths.items()), watch.deviations, times)
+        judgement = watch.fair(watch.first() or self._order(trace, times))
+        return Judged(judgement, "", tuple(watch.deaths.items()), watch.deviations, times,
+                      tuple(watch.scheduling.items()))  # fmt: skip
 
     def _order(self, trace: Trace, times: tuple[int, ...]) -> Judgement:
         if self._stopped:

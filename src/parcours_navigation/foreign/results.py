@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,6 +62,7 @@ class Result:
                  "expected": [str(each) for each in one.expected], "path": list(one.path[-50:]), "doubt": one.doubt}
                 for one in judged.deviations
             ],
+            "scheduling": dict(judged.scheduling),
             "held_ns": list(judged.held), "recording": self.recording, "scene": self.scene or self.id,
             "timing": timed, "passive": dict(self.passive),
             "chain": self.chain and {"steps": self.chain.steps, "rows": self.chain.rows},
@@ -70,7 +72,8 @@ class Result:
 def _kept(entry: Mapping[str, Any], study: str) -> Result:
     """Return the result of an entry, with the study's name in its id. Raises ValueError if it is damaged."""
     judgement = Judgement(Verdict(entry["verdict"]), str(entry["why"]))
-    judged = Judged(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]))
+    judged = Judged(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]),
+                    tuple(entry.get("scheduling", {}).items()))  # fmt: skip
     kept = entry["timing"]
     timing = TimingCase(kept["name"], tuple(kept["durations"]), parse_bound(kept["bound"]), judgement) if kept else None
     made = entry.get("chain")
@@ -128,6 +131,10 @@ class RosResults:
             "length": Measure(np.array([one.seconds for one in self.found]), "quantity", "s", ""),
         }
 
+    def replayable(self, case: str) -> bool:
+        """Return that none can be replayed."""
+        return False
+
     def replay(self, case: str) -> Page:
         """Refuse: what ran in real time is judged again from its recording."""
         rule = f"case {case} ran in real time, which does not come again"
@@ -144,6 +151,7 @@ def tables(results: Sequence[Result]) -> list[Table]:
         timing_table("Durations between channels", timing),
         _table("Limits without durations", "limit", bare),
     ]
+    found.append(_scheduling(results))
     found += [chain_table(f"Shares of {chain.name}", chain) for chain, _ in _chains(results)]
     return [table for table in found if table.rows]
 
@@ -160,6 +168,20 @@ def _chains(results: Sequence[Result]) -> list[tuple[Chain, list[int]]]:
         if one.chain is not None and one.chain.rows and one.timing is not None:
             found.setdefault(one.chain.name, (one.chain, []))[1].append(one.timing.bound.limit)
     return list(found.values())
+
+
+def _scheduling(results: Sequence[Result]) -> Table:
+    """Return under which rules components ran that were to run in real time."""
+    counts = Counter(
+        (name.partition("#")[0], rule) for one in results for name, rule in dict(one.judged.scheduling).items()
+    )
+    rows = []
+    for (name, rule), count in sorted(counts.items()):
+        is_real = rule.startswith("SCHED_FIFO")
+        why = "" if is_real else "not allowed here: failures that time may have caused are inconclusive"
+        rows.append((name, Marked(rule, "good" if is_real else "poor", why), count, why))
+    columns = Column("component", code=True), Column("ran under"), Column("cases", ",d"), Column("why")
+    return Table("Real time for nodes", columns, tuple(rows))
 
 
 def _table(title: str, what: str, results: Sequence[Result]) -> Table:

@@ -6,6 +6,7 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from parcours.errors import HostFailure
@@ -21,8 +22,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive
 from parcours_navigation.foreign.cases import AbstractScene, find_scenes
 from parcours_navigation.foreign.isolation import Order
-from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
-from parcours_navigation.foreign.quiescence import proposals
+from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge, excused
 from parcours_navigation.foreign.recorded import Tape, recording_place
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.setup_steps import act
@@ -241,41 +241,35 @@ class ForeignStudy:
                     else:
                         meter.sample(repeats)
                 noise = meter.noise()
+                running = self._host.running.values()
+                scheduling = {slot.name: process.rule for slot, process in running if slot.node.realtime}
         finally:
             session.end()
         for span in self._spans:
             names = steps(binding, span) if span.through else ()
             for one, chain in timed(span, took[span.name], binding.warm_up, noise, names):
+                judgement = excused(one.judgement, scheduling)
+                one = replace(one, judgement=judgement)
                 id = f"timing/{span.name}/{one.bound}"
-                yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one, chain=chain)
+                judged = Judged(judgement, scheduling=tuple(scheduling.items()))
+                yield Result(id, "timing", judged, time.monotonic() - began, timing=one, chain=chain)
 
 
-def check_live(host: ForeignHost) -> list[str]:
-    """Start the nodes once, compare what they register with the binding, and let them drive for a moment.
+def dry_run(session: Session, listeners: list[Callable[[TraceEvent], None]]) -> None:
+    """Let the nodes of a started session drive for a moment in an empty world.
 
-    Returns:
-        what to change in the binding so that nobody's usual silence counts as one.
-
-    Raises:
-        HostFailure: a node does not start, or something bound is missing or of another type.
+    Args:
+        session: of a binding that describes system tests.
+        listeners: are called with its events.
     """
-    subscriber = _Subscriber()
-    session = Session(host, whole(host.binding), listener=subscriber)
-    try:
-        session.start()
-        if session.readiness.findings():
-            raise session.readiness.complaint([])
-        if host.binding.system is None:
-            return []
-        act(session, "before_case")
-        compiled = host.compile()
-        with _attentive():
-            judge = SystemJudge(compiled, Scene(1, 0, "empty"), [])
-            subscriber.add(judge.observe)
-            SystemDrive(session, judge, Maker(compiled), _DRY).run()
-        return proposals(host.binding, [one for one in session.relay.events if one.time >= session.case_began])
-    finally:
-        session.end()
+    act(session, "before_case")
+    compiled = session.host.compile()
+    with _attentive():
+        judge = SystemJudge(compiled, Scene(1, 0, "empty"), [])
+        for event in session.relay.events:
+            judge.observe(event)
+        listeners.append(judge.observe)
+        SystemDrive(session, judge, Maker(compiled), _DRY).run()
 
 
 @contextlib.contextmanager

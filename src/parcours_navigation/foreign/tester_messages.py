@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
@@ -29,6 +30,7 @@ class Maker:
     def __init__(self, compiled: Compiled, inputs: Mapping[str, float] | None = None) -> None:
         self._compiled, self._inputs = compiled, {**dict(compiled.binding.constants), **(inputs or {})}
         self._writers = dict(compiled.writers)
+        self._n_goals = 0
 
     def message(self, channel: str, values: Mapping[str, object], items: Sequence[Mapping[str, object]]) -> bytes:
         """Return the bytes of a message.
@@ -44,7 +46,11 @@ class Maker:
         if channel not in self._writers:
             type_ = message_type(self._compiled.binding.channel(channel))
             self._writers[channel] = Writer(type_, self._compiled.types, f"channel {channel!r}")
-        return self._compiled.types.packed(self._writers[channel].message({**self._inputs, **values}, items))
+        made: Any = self._writers[channel].message({**self._inputs, **values}, items)
+        if self._compiled.binding.channel(channel).action == "goal":  # numbered, so that runs are equal
+            self._n_goals += 1
+            made.goal_id.uuid = list(self._n_goals.to_bytes(16, "big"))
+        return self._compiled.types.packed(made)
 
     def of_the_environment(self, channel: str, now: int, call: Call | None = None) -> bytes:
         """Return what the environment of an abstract case says at `now` [ns since it began]: the robot is at its start.
@@ -87,6 +93,9 @@ class Maker:
         """Answer a request in the place of a node: as the binding's `inject` says, or with an empty message."""
         if message.call is None:
             return
+        if not message.channel or relay.binding.channel(message.channel).action:
+            self._answer_action(relay, message)
+            return
         service = relay.binding.channel(message.channel).address
         halves = {one.part: one for one in reversed(relay.binding.channels) if one.address == service}
         if "response" in halves:
@@ -96,3 +105,17 @@ class Maker:
         with contextlib.suppress(KeyError):
             empty = self._compiled.types.create(halves["request"].type + "Response")
             relay.finish(message.call, self._compiled.types.packed(empty))
+
+    def _answer_action(self, relay: Relay, message: Message) -> None:
+        """Accept a goal, or a cancellation; give a result as `inject` says."""
+        assert message.call is not None
+        if message.channel:
+            answer: Any = self._compiled.types.create(relay.binding.channel(message.channel).type + "Response")
+            if relay.binding.channel(message.channel).action == "goal":
+                answer.accepted = True
+            relay.finish(message.call, self._compiled.types.packed(answer))
+            return
+        service = message.call.service.rpartition("/_action/")[0]
+        for one in relay.binding.channels:
+            if one.action == "result" and service.endswith(one.address.rpartition("/_action/")[0]):
+                relay.answer(message.call, relay.made(one.name, self.of_the_environment(one.name, 0)))

@@ -15,8 +15,11 @@ from parcours_navigation.arena.robot import ROBOT
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Task
+from parcours_navigation.robots.kinds import Body
 from parcours_navigation.stage.memory import Scene, Staged
 from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.plan import Plan
+from parcours_navigation.worlds.plan import Task as PlannedTask
 
 Cases = SystemCases | WorldCases
 """A family of cases that planners are run on."""
@@ -60,3 +63,14 @@ def plain_scene(scenario: Scenario, robot_radius: float) -> Scene:
                 limits.yaw_acceleration, robot_radius)  # fmt: skip
     goals = np.array([[*scenario.goal, np.nan]])
     return Scene(np.zeros(_N_OBSTACLES, OBSTACLE), robot, goals, scenario.goal_tolerance)
+
+
+def plan_of(cases: Cases, scenario: Scenario, number: int) -> Plan:
+    """Return what the world of a case is made of; in the paper's arena without its obstacles, which are drawn."""
+    if isinstance(cases, WorldCases):
+        return cases.plan(number)
+    limits = scenario.limits
+    body = Body("unicycle", cases.robot_radius, (), limits.speed, limits.yaw_rate, limits.acceleration,
+                limits.yaw_acceleration)  # fmt: skip
+    return Plan(PlannedTask(scenario.start, scenario.start_speed, scenario.goal, tolerance=scenario.goal_tolerance,
+                            time_limit=cases.end(scenario.time_limit)), robot=body)  # fmt: skip

@@ -183,7 +183,8 @@ class _Entry:
         if others.area is None or others.places or isinstance(motion, (Recorded, Waypoints)):
             self.discs.append((*place, others.radius))
         group = (self.number, k // others.group) if in_group else None
-        self.agents.append((values, *place, others.radius, group))
+        if others.only is None or k in others.only:
+            self.agents.append((values, *place, others.radius, group))
 
     def _shared_ways(self, place: Point) -> tuple[list[Sequence[float]], int]:
         """Return the goals of a group that begins there, and what comes after the last."""

@@ -39,6 +39,7 @@ class Others:
     yields: float = 1.0  # share of the people that give way to the robot
     effort: float = 1.0  # ... and how much of the avoiding these do; 0.5 if the robot does the other half
     start: tuple[float, float] = (0.0, 0.0)  # each stands until a time drawn between these [s]
+    only: tuple[int, ...] | None = None  # those of them that are there, by number from 0; all are drawn
 
     def __post_init__(self) -> None:
         ranges = {
@@ -56,6 +57,9 @@ class Others:
         if self.places and len(self.places) != self.number:
             rule = f"there must be a place for each, but {len(self.places)} are given for {self.number}"
             raise BadRequest("others, places", rule, "give as many, or an area", slug="others-range")
+        if self.only is not None and not set(self.only) <= set(range(int(self.number))):
+            rule = f"it must list numbers of them, 0 to {self.number - 1:g}, but is {self.only!r}"
+            raise BadRequest("others, only", rule, "write [0, 2]", slug="others-range")
         if isinstance(self.motion, Recorded):
             if self.number != len(self.motion.tracks.names):
                 rule = f"it must be that of the tracks, {len(self.motion.tracks.names)}, but is {self.number}"
@@ -107,7 +111,7 @@ def read_others(entry: Mapping[str, Any], where: str = "others", folder: Path | 
     kind = MOTIONS[named]
     own = {each.name for each in fields(kind)}
     shared = {each.name for each in fields(Others)} - {"motion"}
-    given: dict[str, Any] = {name: _settled(value) for name, value in entry.items() if name != "motion"}
+    given: dict[str, Any] = {name: settled(value) for name, value in entry.items() if name != "motion"}
     for name in given:
         require_known(str(name), sorted(own | shared), f"{where}, key", slug="others-key")
     try:
@@ -123,6 +127,6 @@ def read_others(entry: Mapping[str, Any], where: str = "others", folder: Path | 
         raise BadRequest(where, f"its values must fit, but: {error}", slug="others-range") from None
 
 
-def _settled(value: object) -> object:
+def settled(value: object) -> object:
     """Return lists as tuples, within others, too."""
-    return tuple(map(_settled, value)) if isinstance(value, (list, tuple)) else value
+    return tuple(map(settled, value)) if isinstance(value, (list, tuple)) else value

@@ -227,6 +227,23 @@ def explained(record: np.void, requirements: Requirements) -> str:
     return "; ".join([*said, ended])
 
 
+def shared_reasons(facts: Facts, requirements: Requirements) -> list[str]:
+    """Return for each case which requirements it violates and which rules it fails by, in words that cases share."""
+    said: list[list[str]] = [[] for _ in facts]
+    if not requirements:
+        return [""] * len(facts)
+    sound = facts["error"] == 0
+    masks = [(f"violates {one.name}: {one.text}", facts["robustness"][:, k] < 0.0)
+             for k, one in enumerate(requirements.formulas)]  # fmt: skip
+    masks += [(f"{one.name} has no value: {one.text}", np.isnan(facts["robustness"][:, k]))
+              for k, one in enumerate(requirements.formulas)]  # fmt: skip
+    masks += [(f"fails by {one.text}", holds(one.formula, facts)) for one in requirements.rules]
+    for words, mask in masks:
+        for k in np.flatnonzero(mask & sound):
+            said[k].append(words)
+    return ["; ".join(one) for one in said]
+
+
 def _shown(rule: Formula, facts: Facts) -> str:
     """Return the values that a rule reads, in words."""
     return ", ".join(f"{name} = {_amount(name, facts)}" for name in _read(rule))

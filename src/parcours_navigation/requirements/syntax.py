@@ -139,6 +139,26 @@ def walk(node: Node) -> Iterator[Node]:
         yield from walk(part)
 
 
+def is_safety(formula: Formula) -> bool:
+    """Return whether what violates a formula violates it whatever follows; False also where that takes a closer look.
+
+    >>> slow = Comparison("<", Signal("speed"), Constant(1.0))
+    >>> is_safety(Timed("always", Interval(0, None), slow)), is_safety(Timed("eventually", Interval(0, None), slow))
+    (True, False)
+    """
+    if not any(isinstance(one, Timed | Until) for one in walk(formula)):
+        return True
+    match formula:
+        case Timed("always", _, operand):
+            return is_safety(operand)
+        case Junction("->", left, right):
+            return is_safety(Not(left)) and is_safety(right)
+        case Junction(_, left, right):
+            return is_safety(left) and is_safety(right)
+        case _:
+            return False
+
+
 def replaced(node: Node, by: Mapping[str, Number]) -> Node:
     """Return a node with numbers in the place of some signals."""
     if isinstance(node, Signal):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol as TypingProtocol
@@ -62,6 +62,9 @@ class Campaign(TypingProtocol):
     def replay(self, number: int) -> Replay:
         """Return the replay of one case."""
 
+    def as_navigation(self) -> NavigationResults:
+        """Return it as a campaign of the planner of that name. Raises BadRequest: the planner was changed for it."""
+
 
 @dataclass(frozen=True, slots=True)
 class NavigationResults:
@@ -84,6 +87,10 @@ class NavigationResults:
     def parts(self) -> Iterator[NDArray[np.void]]:
         """Yield the facts part by part."""
         return self.kept.parts()
+
+    def as_navigation(self) -> NavigationResults:
+        """Return itself."""
+        return self
 
     def study(self) -> NavigationStudy:
         """Return the study that can run any of the cases again; BadResults if the planner's source was changed."""
@@ -154,7 +161,7 @@ def load_results(folder: Path) -> NavigationResults:
         limits = Limits(**cast("dict[str, float]", setting.pop("limits")))
         lists = {name: tuple(cast("list[float]", setting.pop(name))) for name in ("start", "goal")}
         scenario = Scenario(limits=limits, **lists, **setting)  # type: ignore[arg-type]
-        cases = _cases(given, campaign.seed, folder)
+        cases = kept_cases(given, campaign.seed, folder)
         source = str(given["planner_source"])
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"
@@ -164,11 +171,11 @@ def load_results(folder: Path) -> NavigationResults:
     )
 
 
-def _cases(given: Mapping[str, object], seed: int, folder: Path) -> Cases:
+def kept_cases(given: Mapping[str, object], seed: int, folder: Path, study: str = "navigation") -> Cases:
     """Return the cases that a campaign's parameters name. Raises BadResults if their world was changed."""
     if "world" not in given:
         radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
-        return SystemCases(seed, cast(Protocol, given["protocol"]), radii[0], radii[1])
+        return SystemCases(seed, cast(Protocol, given["protocol"]), radii[0], radii[1], study)
     world = find_world(str(given["world"]))
     if world.digest != given["world_digest"]:
         rule = f"the world {given['world']!r} must be what it was when the campaign ran, but was changed"
@@ -176,12 +183,13 @@ def _cases(given: Mapping[str, object], seed: int, folder: Path) -> Cases:
     return WorldCases(seed, world, criterion=str(given["criterion"]))
 
 
-def case_results(campaign: Campaign) -> list[CaseResult]:
-    """Return the sound verdict of every case of a campaign."""
+def case_results(campaign: Campaign, places: Sequence[int] | None = None) -> list[CaseResult]:
+    """Return the sound verdict of every case of a campaign, or of those at some places of its facts."""
+    facts = campaign.facts if places is None else campaign.facts[list(places)]
     return [
         CaseResult(campaign.cases.id(int(record["number"])), verdict, float(record["t_end"]) * 1e-9,
                    explained(record, campaign.requirements))
-        for record, verdict in zip(campaign.facts, verdicts(campaign.facts, campaign.requirements), strict=True)
+        for record, verdict in zip(facts, verdicts(facts, campaign.requirements), strict=True)
     ]  # fmt: skip
 
 

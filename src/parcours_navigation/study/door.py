@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest
 from parcours.run.store import open_results
@@ -34,6 +35,9 @@ from parcours_navigation.study.judging import judge_system
 from parcours_navigation.study.results import read_folder, report_folders
 from parcours_navigation.study.study import study_of
 from parcours_navigation.worlds.family import WorldCases
+
+if TYPE_CHECKING:
+    from parcours.study.shrinking import WrittenCase
 
 _TIMES = {
     "period": ("between observations", 0.001, 10.0),
@@ -123,6 +127,12 @@ class Navigation:
         from parcours.study.finding import find  # of a planner with a loop of its own
 
         return find(study).read(folder)
+
+    def written(self, folder: Path, case: str) -> WrittenCase:
+        """Return a failing case as a world file."""
+        from parcours_navigation.study.shrinking import written
+
+        return written(self.read(folder), folder, case)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents."""

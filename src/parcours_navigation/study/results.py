@@ -2,33 +2,52 @@
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
 import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Page, Piece, Section, Table
+from parcours.report.pieces import Animation, Page, Piece, Section, Table
 from parcours.study.covering import Drawn
 from parcours.study.protocol import Measure, Reported, Results
+from parcours.study.reporting import replay_anchor
+from parcours.study.summing import worst_cases
 from parcours.study.tabling import TableColumn, field_columns, input_columns
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.facts import UNITS
 from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
-from parcours_navigation.requirements.judging import RATES, explained, finite_robustness, own_values, rates, verdicts
+from parcours_navigation.requirements.judging import (
+    RATES,
+    explained,
+    finite_robustness,
+    own_values,
+    rates,
+    shared_reasons,
+    verdicts,
+)
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import Ended, analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
-from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
+from parcours_navigation.study.outcome_tables import (
+    OUTCOME_WORDS,
+    error_table,
+    measure_table,
+    outcome_figure,
+    outcome_table,
+)
 from parcours_navigation.study.still import animation
+
+_REPLAYS = 3  # on a page on one folder
 
 _LESS_IS_WORSE = {
     "min_clearance",
@@ -53,7 +72,7 @@ class CampaignResults:
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
-        return [dataclasses.replace(one, id=self._id(one.id)) for one in case_results(self.found)]
+        return [replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
     @functools.cached_property
     def ended(self) -> Ended:
@@ -63,6 +82,24 @@ class CampaignResults:
     def verdict_counts(self) -> Counter[Verdict]:
         """Return how many of `cases` have each verdict."""
         return Counter(self.ended.verdicts)
+
+    telling = ("min_clearance", "time_halted", "time_at_rest")
+
+    def causes(self) -> Sequence[str]:
+        """Return the outcome of each case that did not pass, or what was required of it in vain."""
+        facts, asked = self.found.facts, self.found.requirements
+        words = {int(one): text for one, text in OUTCOME_WORDS.items()}
+        required = shared_reasons(facts, asked)
+        return [
+            "" if verdict is Verdict.PASS
+            else _reason(facts[k]) if code == Outcome.ERROR
+            else required[k] or words[code]
+            for k, (code, verdict) in enumerate(zip(outcomes(facts).tolist(), verdicts(facts, asked), strict=True))
+        ]  # fmt: skip
+
+    def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
+        """Return the cases at these places."""
+        return [replace(one, id=self._id(one.id)) for one in case_results(self.found, places)]
 
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
@@ -112,6 +149,18 @@ class CampaignResults:
             )
         return Drawn(cases.inputs, cases.values(numbers), classes)
 
+    def replays(self, most: int) -> list[Animation]:
+        """Return replays of the worst cases of the commonest causes of failures, those that can be run again."""
+        found: list[Animation] = []
+        for id in worst_cases(self, 2 * most):
+            number = self.found.cases.number(id.removesuffix("/data"))
+            with contextlib.suppress(BadResults):  # it hung or died, or its planner was changed
+                if number is not None and len(found) < most:
+                    drawn = self.found.replay(number)
+                    title = drawn.title.replace(self.found.cases.id(number), self._id(self.found.cases.id(number)))
+                    found.append(replace(animation(replace(drawn, title=title)), anchor=replay_anchor(id)))
+        return found
+
     def replay(self, case: str) -> Page:
         """Return the replay of a case: a re-simulation that must give the same bits."""
         number = self._number(case)
@@ -121,11 +170,16 @@ class CampaignResults:
         if requirements := self.found.requirements:
             (record,) = self.found.facts[self.found.facts["number"] == number]
             subtitle = f"{self._id(id)}: {explained(record, requirements)}"
-        drawn = dataclasses.replace(drawn, title=title, subtitle=subtitle)
+        drawn = replace(drawn, title=title, subtitle=subtitle)
         section = Section(
             "Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),)
         )
         return Page(title, subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
+
+    def case(self, case: str) -> tuple[str, int]:
+        """Return the id and the number of a finished case. Raises BadRequest: there is none."""
+        number = self._number(case)
+        return self._id(self.found.cases.id(number)), number
 
     def _number(self, case: str) -> int:
         number, finished = self.found.cases.number(case), self.found.facts["number"]
@@ -177,16 +231,21 @@ def report_folders(results: Mapping[str, Results]) -> Reported:
         documents |= one.documents
 
     def drawn() -> Sequence[Piece]:
-        return [*pieces, *failed_replays(campaigns), *(piece for one in others for piece in one.pieces())]
+        return [*pieces, *failed_replays(results), *(piece for one in others for piece in one.pieces())]
 
     return Reported(tables, drawn, documents)
 
 
-def failed_replays(campaigns: Mapping[str, Campaign]) -> list[Piece]:
-    """Return replays of the first two failed cases of each campaign: they are run again."""
+def failed_replays(results: Mapping[str, Results]) -> list[Piece]:
+    """Return replays of the worst case of each of the commonest causes of failures: they are run again."""
     pieces: list[Piece] = []
-    for campaign in campaigns.values():
-        judged = verdicts(campaign.facts, campaign.requirements)
-        failed = np.array([one is Verdict.FAIL for one in judged], bool)
-        pieces += [animation(campaign.replay(int(number))) for number in campaign.facts["number"][failed][:2]]
+    for one in results.values():
+        if isinstance(one, CampaignResults):
+            pieces += one.replays(_REPLAYS if len(results) == 1 else 1)
     return pieces
+
+
+def _reason(record: np.void) -> str:
+    """Return why the planner's own fault ended a case."""
+    said = record["reason"].decode("utf-8", "replace") if "reason" in (record.dtype.names or ()) else ""
+    return f"the planner failed: {said}" if said else "the planner failed"

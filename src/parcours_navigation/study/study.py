@@ -266,8 +266,7 @@ class NavigationStudy:
             }  # fmt: skip
         else:
             self.cases.staged(range(min(n_cases, _LOOKED_AT)), self.scenario.period)
-            about = {"world": self.cases.world.reference, "world_digest": self.cases.world.digest,
-                     "criterion": self.cases.criterion}  # fmt: skip
+            about = self.cases.manifest()
         batch = self.known.batch_size if self.known is not None else 0
         return Campaign(
             study="navigation",

@@ -73,6 +73,10 @@ class WorldCases:
         for first in range(0, total, 1024):
             yield from self._combined().cases(first, min(1024, total - first))
 
+    def manifest(self) -> dict[str, object]:
+        """Return the parameters of a campaign that say which cases these are."""
+        return {"world": self.world.reference, "world_digest": self.world.digest, "criterion": self.criterion}
+
     def _combined(self) -> Plan:
         return _combined(self.study, self.world, self.criterion, self.seed)
 

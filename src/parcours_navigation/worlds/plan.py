@@ -8,7 +8,14 @@ from typing import Any, Literal
 
 from parcours.elementary import PI
 from parcours.errors import BadRequest
-from parcours_navigation.others.ranges import require_box, require_ordered, require_ranges, require_whole
+from parcours_navigation.others.ranges import (
+    require_box,
+    require_ordered,
+    require_points,
+    require_ranges,
+    require_whole,
+    require_within,
+)
 from parcours_navigation.robots.kinds import Body
 
 Point = tuple[float, float]
@@ -136,7 +143,7 @@ MAX_GOALS = 100
 class StopMoveStop:
     """Discs that stand, move at a constant speed and yaw rate, and stand again, as the paper's do; drawn by seed."""
 
-    area: tuple[float, float, float, float]  # in which they begin: x_low, y_low, x_high, y_high [m]
+    area: tuple[float, float, float, float] | None = None  # in which they begin: x_low, y_low, x_high, y_high [m]
     motion: Literal["stop-move-stop"] = "stop-move-stop"
     number: int = 3
     radius: float = 0.1  # [m]
@@ -144,6 +151,9 @@ class StopMoveStop:
     turn: tuple[float, float] = (-PI / 2, PI / 2)  # [rad/s]
     waits: tuple[float, float] = (0.0, 10.0)  # stands for so long first [s]
     moves: tuple[float, float] = (2.0, 10.0)  # then moves for so long [s]
+    heading: tuple[float, float] = (-PI, PI)  # where they set out for [rad]
+    places: tuple[Point, ...] = ()  # where they begin instead, one for each [m]
+    announced: float = 0.0  # they are already reported to move so long before they do [s]
 
     def __post_init__(self) -> None:
         require_ranges(self, {"number": (0, 200, ""), "radius": (0.001, 100.0, "m")})
@@ -152,7 +162,16 @@ class StopMoveStop:
         require_ordered("turn", self.turn, 100.0, "rad/s", low=-100.0)
         require_ordered("waits", self.waits, 3600.0, "s")
         require_ordered("moves", self.moves, 3600.0, "s")
-        require_box("area", self.area)
+        require_ordered("heading", self.heading, 100.0, "rad", low=-100.0)
+        require_points("places", self.places)
+        require_within("announced", self.announced, 0.0, 3600.0, "s")
+        if self.places and len(self.places) != self.number:
+            rule = f"there must be a place for each, but {len(self.places)} are given for {self.number}"
+            raise BadRequest("others, places", rule, "give as many, or an area", slug="others-range")
+        if self.area is not None:
+            require_box("area", self.area)
+        elif not self.places:
+            raise BadRequest("others", "they must begin somewhere", "give an area, or places", slug="others-range")
 
 
 @dataclass(frozen=True, slots=True)

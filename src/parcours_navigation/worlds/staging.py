@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.elementary import PI, atan2
+from parcours.elementary import atan2
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, between, start, starts
@@ -29,7 +29,7 @@ from parcours_navigation.ground.ground import Ground, ground_of, lay_ground
 from parcours_navigation.ground.maps import read_map
 from parcours_navigation.ground.outlines import BadGround
 from parcours_navigation.others.drawing import drawn
-from parcours_navigation.others.entries import Others, read_others
+from parcours_navigation.others.entries import Others, read_others, settled
 from parcours_navigation.others.kinds import MOTIONS
 from parcours_navigation.protocol import Map, Task
 from parcours_navigation.sensing.detecting import DETECTION
@@ -49,6 +49,7 @@ _Named = list[tuple[str, _T]]
 
 _TRIES = 10_000
 _LATTICE = 1_000_000  # points on which a way off a map is looked for
+_RANGES = ("speed", "turn", "waits", "moves", "heading")  # of obstacles; a number stands for a range of that alone
 _WHOLE = ("number", "group", "drawn_goals", "nearest")
 
 
@@ -170,11 +171,10 @@ def _stop_move_stop(entry: dict[str, Any], where: str) -> StopMoveStop:
     known = [one.name for one in fields(StopMoveStop)]
     for name in entry:
         require_known(name, known, f"{where}, key", slug="others-key")
-    if "area" not in entry:
-        raise BadRequest(where, "they must begin somewhere", "give an area", slug="others-range")
-    given: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()}
+    given = {name: settled(value) for name, value in entry.items()}
+    given |= {name: (one, one) for name, one in given.items() if name in _RANGES and isinstance(one, int | float)}
     try:
-        return StopMoveStop(**given)
+        return StopMoveStop(**given)  # type: ignore[arg-type]
     except BadRequest as error:
         raise BadRequest(error.where.replace("others", where, 1), error.rule, error.remedy, slug=error.slug) from None
 
@@ -327,8 +327,13 @@ def _closed(entries: _Named[StopMoveStop], land: Land, robot_radius: float, seed
     x, y, _ = land.start
     for place, (name, one) in enumerate(entries):
         start(stream, np.uint64(seed), np.uint64(number), _OBSTACLES + np.uint64(place << 40))
-        for _ in range(one.number):
-            if not _draw(one.area, one.radius, x, y, robot_radius, obstacles, k, land.packed, stream):
+        for i in range(one.number):
+            if one.places:
+                obstacles[k]["x0"], obstacles[k]["y0"], obstacles[k]["radius"] = *one.places[i], one.radius
+                if math.hypot(one.places[i][0] - x, one.places[i][1] - y) < one.radius + robot_radius:
+                    rule = f"the robot must start clear of obstacles, but one stands at {one.places[i]} m"
+                    raise BadRequest(name, rule, "move it, or the start", slug="start-occupied")
+            elif not _draw(one.area or (), one.radius, x, y, robot_radius, obstacles, k, land.packed, stream):
                 rule = f"{one.number} discs with a radius of {one.radius:g} m must find room, but {k} did in the area"
                 remedy = "give fewer or smaller ones, or more room"
                 raise BadRequest(name, rule, remedy, slug="others-do-not-fit")
@@ -336,14 +341,15 @@ def _closed(entries: _Named[StopMoveStop], land: Land, robot_radius: float, seed
             obstacles[k]["speed"], obstacles[k]["turn"] = values[:2]
             obstacles[k]["start"] = round(values[2] * 1e9)
             obstacles[k]["stop"] = round((values[2] + values[3]) * 1e9)
-            obstacles[k]["heading0"] = between(stream, -PI, PI)
+            obstacles[k]["announced"] = round(one.announced * 1e9)
+            obstacles[k]["heading0"] = between(stream, *one.heading)
             k += 1
     return obstacles
 
 
 @kernel
 def _draw(
-    area: tuple[float, float, float, float], radius: float, x: float, y: float, robot_radius: float, obstacles: Record,
+    area: tuple[float, ...], radius: float, x: float, y: float, robot_radius: float, obstacles: Record,
     k: int, packed: Floats, stream: Stream,
 ) -> bool:  # fmt: skip
     """Put obstacle k somewhere in the area, clear of those before it, of the robot and of the ground."""

@@ -17,7 +17,7 @@ _NAMES = {
     "m": "aisle apron area arrive bounds cell corridor depth discs door ends_outside footprint gap goal goals least "
          "length map margin most noise path places points polygons position_noise radius range reach room shelf size "
          "tolerance track_width wall wall_range walls way_noise wheelbase width",
-    "s": "between delay ends_at_rest horizon late later moves pause relax time_limit waits wall_horizon",
+    "s": "announced between delay ends_at_rest horizon late later moves pause relax time_limit waits wall_horizon",
     "rad": "field_of_view heading heading_tolerance steering tilt turn_noise turn_noise_way",
     "m/s": "speed speed_spread start_speed velocity_noise wheel_speed",
     "rad/s": "steering_rate turn turn_rate yaw_rate",
@@ -25,8 +25,8 @@ _NAMES = {
     "rad/s^2": "yaw_acceleration",
     "s/m": "ahead",
     "1/s^2": "stiffness",
-    "1": "beams clutter columns desks drawn_goals dropped effort false fill group hurry missing n nearest number rooms "
-         "rows seed side slowest slowing smoothing turn_scale turning way_scale yields",
+    "1": "beams clutter columns desks drawn_goals dropped effort false fill group hurry missing n nearest number only "
+         "rooms rows seed side slowest slowing smoothing turn_scale turning way_scale yields",
 }  # fmt: skip
 UNIT_OF = {name: unit for unit, names in _NAMES.items() for name in names.split()} | {
     "start": "m m rad",

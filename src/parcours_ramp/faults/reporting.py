@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from parcours.report.pieces import Cell, Column, Findings, KeyFigure, Marked, Page, Section, Table, Tone
+from parcours.report.pieces import (
+    Cause,
+    Cell,
+    Column,
+    Failing,
+    Failures,
+    Findings,
+    KeyFigure,
+    Marked,
+    Page,
+    Section,
+    Summary,
+    Table,
+    Tone,
+)
 from parcours.study.protocol import FaultReport, FaultRequest, Progress
+from parcours.study.provenance import provenance
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import chosen
 from parcours_ramp.faults.judging import RobotOutcome
@@ -26,6 +42,13 @@ _TONE: dict[RobotOutcome, Tone] = {
     RobotOutcome.CONTACT: "worst",
     RobotOutcome.ERROR: "bad",
 }
+
+_WORDS = {
+    RobotOutcome.CONTACT: "the robot caused a collision", RobotOutcome.RUNS_ON: "it still moved at the end",
+    RobotOutcome.ERROR: "an error ended the case",
+    RobotOutcome.COASTS: "it reached the goal with a component dead or hung",
+    RobotOutcome.STUCK: "it stood though the fault was over",
+}  # fmt: skip
 
 SHOWN = tuple(_TONE)  # all outcomes, from welcome to unwelcome
 
@@ -113,11 +136,53 @@ def fault_page(results: FaultResults) -> Page:
         f"{m} faults, each in the same {n} cases, which all go well without. A fault may be survived, it may be "
         "answered by a stop, or it may go unnoticed until something is hit."
     )
-    sections = [Section("What becomes of the robot", lead, (Findings(_findings(results)), total))]
+    causes = _causes(results)
+    listed = (
+        "Faults under which a robot was unsafe, or stood though the fault was over, with the cases in which it did."
+    )
+    sections = [
+        Section("Faults that were not survived", listed, (Failures("Faults", causes, what="fault"),), "failures")
+    ]
+    ended = Section("What becomes of the robot", lead, (Findings(_findings(results)), total), "outcomes")
+    sections = [*(sections if causes else ()), ended]
     for schedule in results.t_goal:
         own = tuple(table for table in detailed if table.title.endswith(f", {schedule}"))
         sections.append(Section(f"Fault by fault, {schedule}", "", own))
-    return Page("RAMP under faults", f"A table of faults and outcomes, {n} cases each", facts, tuple(sections))
+    return Page("RAMP under faults", "", (*provenance().items(), *facts), tuple(sections), _summary(results, causes, m))
+
+
+def _summary(results: FaultResults, causes: Sequence[Cause], n_faults: int) -> Summary:
+    struck = [one for row in results.rows for one in row.outcomes if one.outcome is not RobotOutcome.NOT_STRUCK]
+    unsafe = sum(one.outcome in (RobotOutcome.CONTACT, RobotOutcome.RUNS_ON) for one in struck)
+    return Summary(
+        f"**RAMP** ran under {n_faults} faults, one at a time, as {' and as '.join(results.t_goal)}.",
+        f"It was unsafe in {unsafe} of {len(struck)} struck runs.", "bad" if unsafe else "good",
+        tuple(f"{cause.count} faults: [{cause.words}](#cause_{k})." for k, cause in enumerate(causes[:3], 1)),
+        "Start with [the first fault of the list](#failures), and run its command." if causes
+        else "Every fault was survived or answered by a stop.",
+    )  # fmt: skip
+
+
+def _causes(results: FaultResults) -> tuple[Cause, ...]:
+    """Return the faults of each unwelcome outcome, the worst outcome first."""
+    found = []
+    for outcome in (RobotOutcome.CONTACT, RobotOutcome.RUNS_ON, RobotOutcome.ERROR, RobotOutcome.COASTS,
+                    RobotOutcome.STUCK):  # fmt: skip
+        rows = []
+        for row in results.rows:
+            cases = [one.number for one in row.outcomes if one.outcome is outcome]
+            if cases:
+                why = f"in {len(cases)} of {len(row.outcomes)} cases: {', '.join(map(str, cases[:8]))}"
+                command = ["parcours", "faults", "ramp_system", "--set", f"schedule={row.schedule}", "--seed",
+                           str(results.seed), "--cases", str(len(row.outcomes)), "--only", str(row.entry)]  # fmt: skip
+                told = died(row)
+                rows.append(
+                    Failing(f"{row.schedule}: {row.entry}", Marked(outcome.value, _TONE[outcome]),
+                            f"{why}; {told}" if told else why, (), (shlex.join(command),))
+                )  # fmt: skip
+        if rows:
+            found.append(Cause(_WORDS[outcome], len(rows), tuple(rows)))
+    return tuple(found)
 
 
 def _findings(results: FaultResults) -> tuple[KeyFigure, ...]:

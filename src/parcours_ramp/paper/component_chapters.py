@@ -7,12 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parcours.abtc import case_counts, combinations, interaction_paths, notation, rendezvous_pairs
+from parcours.abtc import case_counts, combinations, interaction_paths, notation, rendezvous_pairs, serialise
 from parcours.model import Channel, Machine, to_svg
 from parcours.paths import internal_paths, measure
 from parcours.report.pieces import Cell, Code, Column, Figure, Marked, Piece, Section, Table, Text
+from parcours.report.sequences import sequence_chart
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.study.components.results import ComponentResults, component_results, timed
+from parcours.study.components.sequence import steps_to_be
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.study import CASES_OF_PAPER, LIMITS, interaction_cases, interaction_of
@@ -143,7 +145,11 @@ def abstract_chapter() -> Section:
         "point of their partner (rendezvous serialisation). Each ABTC below was executed in exactly its order."
     )
     code = Code(notation(first, "ABTC1"), "Table V: ABTC1")
-    return Section("Abstract test cases", lead, (table, code, why), "abtcs")
+    chart = sequence_chart(
+        "ABTC1 as a sequence chart", steps_to_be(cefsm, serialise(first)),
+        "Each transition in its order; a message is drawn where it is taken up.",
+    )  # fmt: skip
+    return Section("Abstract test cases", lead, (table, code, chart, why), "abtcs")
 
 
 def results_chapter(results: PaperResults) -> Section:

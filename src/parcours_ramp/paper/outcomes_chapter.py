@@ -177,9 +177,13 @@ def replays_chapter(results: PaperResults) -> Section:
     solved = outcomes(guarded.facts) == Outcome.REACHED
     touched = outcomes(original.facts) == Outcome.COLLIDED
     picks: list[tuple[str, SystemResults, int]] = []
-    first = _first(stopped_too_near & stuck & untouched & solved, stopped_too_near & solved, stuck & solved, stuck)
+    first = _first(
+        stopped_too_near & stuck & untouched & solved, stopped_too_near & stuck & solved, stuck & solved, stuck,
+        stopped_too_near & solved,
+    )  # fmt: skip
     if first is not None:
-        picks += [("Stuck", original, first), ("The same case, repaired", guarded, first)]
+        words = "Stuck" if stuck[first] else "Stopped too near to an obstacle, and went on later"
+        picks += [(words, original, first), ("The same case, repaired", guarded, first)]
     closed = _first(touched & solved & ~stuck, touched)
     if closed is not None:
         picks.append(("Touched an obstacle", original, closed))

@@ -9,6 +9,9 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import Family
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
+from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.file import BadWorld
+from parcours_navigation.worlds.paper import arena_cases
 from parcours_ramp.planner.parameters import guarded, original
 from parcours_ramp.system.study import SystemStudy
 
@@ -25,10 +28,15 @@ class RampLoop:
 
     def study_of(self, cases: Family, scenario: Scenario, requirements: Requirements = NO_REQUIREMENTS) -> SystemStudy:
         """Return the study that runs it. Raises BadRequest if the scenario is not the one that RAMP is built for."""
-        if not isinstance(cases, SystemCases):
-            rule = "it reads the paper's arena only: discs that it senses perfectly, no walls, a unicycle"
-            raise BadRequest(f"planner 'ramp-{self.schedule}'", rule, "run it in the world `paper`",
-                             slug="planner-own-loop")  # fmt: skip
+        solid = False
+        if isinstance(cases, WorldCases):
+            try:
+                solid, cases = cases.plan(0).solid, arena_cases(cases)
+            except BadWorld as error:
+                rule = "it reads the paper's arena only: discs that stop, move and stop, no walls, a unicycle"
+                raise BadRequest(f"planner 'ramp-{self.schedule}'", rule, "run it in the world `paper`",
+                                 slug="planner-own-loop") from error  # fmt: skip
+        assert isinstance(cases, SystemCases)
         plain = Scenario(
             time_limit=scenario.time_limit, watched_on=scenario.watched_on, call_timeout=scenario.call_timeout
         )
@@ -39,8 +47,9 @@ class RampLoop:
         make = original if self.schedule == "original" else guarded
         parameters = make(robot_radius=cases.robot_radius)
         return SystemStudy(
-            cases, parameters, time_limit=scenario.time_limit, watched_on=scenario.watched_on, requirements=requirements
-        )
+            cases, parameters, time_limit=scenario.time_limit, watched_on=scenario.watched_on, solid=solid,
+            requirements=requirements,
+        )  # fmt: skip
 
 
 ORIGINAL, GUARDED = RampLoop("original"), RampLoop("guarded")

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
 from parcours.study.campaign.running import KeptFacts
-from parcours_navigation.cases.family import Protocol, SystemCases
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.requirement import Requirements
 from parcours_navigation.requirements.requirement import kept as kept_requirements
+from parcours_navigation.study.campaigns import NavigationResults, kept_cases
 from parcours_navigation.study.replay import Replay, replayed
+from parcours_navigation.worlds.paper import arena_cases
 from parcours_ramp.planner.latency import Duration, Latencies
 from parcours_ramp.planner.parameters import Parameters
+from parcours_ramp.system.as_planner import RampLoop
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import STUDY, SystemStudy
 
@@ -64,6 +68,18 @@ class SystemResults:
         """Return the replay of one case."""
         return replay(self, number)
 
+    def as_navigation(self) -> NavigationResults:
+        """Return it as a campaign of the planner of that name. Raises BadRequest: the planner was changed for it."""
+        study = self.study
+        scenario = Scenario(time_limit=study.time_limit, watched_on=study.watched_on)
+        plain = RampLoop(self.label).study_of(study.cases, scenario, study.requirements)
+        if plain != study:
+            rule = "its planner must be the one that has a name, but it has added delays or other parameters"
+            raise BadRequest(f"planner 'ramp-{self.label}'", rule, "replay the case instead", slug="shrink-study")
+        return NavigationResults(
+            f"ramp-{self.label}", study.cases, scenario, "", self.kept, self.planned, True, study.requirements
+        )
+
 
 def load_campaign(folder: Path) -> SystemResults:
     """Return the finished cases of a campaign folder, with the study that can run any of them again.
@@ -83,8 +99,8 @@ def load_campaign(folder: Path) -> SystemResults:
         latencies = Latencies(
             **{k: Duration(**v) if isinstance(v, dict) else v for k, v in given["latencies"].items()}  # type: ignore[arg-type]
         )
-        radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
-        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), radii[0], radii[1], STUDY)
+        kept = kept_cases(cast(dict[str, object], given), campaign.seed, folder, STUDY)
+        cases = kept if isinstance(kept, SystemCases) else arena_cases(kept)
         study = SystemStudy(
             cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
             float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),
@@ -104,9 +120,11 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     Raises BadResults: the re-simulation differs from the facts that the campaign kept.
     """
     study, kept = campaign.study, campaign.facts[campaign.facts["number"] == number]
+    [obstacles] = study.cases.obstacles(np.array([number]))
     remedy = "they were made by another version of Parcours, or changed; run the campaign again"
     return replayed(
         study.cases.id(number), campaign.label, study.track(number), kept, remedy, goal=(2.0, 2.0), tolerance=0.2,
         robot_radius=study.parameters.robot_radius, obstacle_radius=study.cases.obstacle_radius,
         arena=study.parameters.arena, title=f"{words}: {campaign.label}" if words else "", beyond=3_000_000_000,
+        obstacle_radii=tuple(obstacles["radius"].tolist()),
     )  # fmt: skip

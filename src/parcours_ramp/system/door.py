@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest
 from parcours.study import protocol
@@ -22,6 +23,9 @@ from parcours_navigation.study.results import report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.whole import DECIDING
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
+
+if TYPE_CHECKING:
+    from parcours.study.shrinking import WrittenCase
 
 JUDGED_DOC = "one case in this many is run again, component by component, and its messages are judged; 0: none"
 LIVE_CASES = 20  # Cases of a run in real time by default
@@ -137,6 +141,12 @@ class RampSystem:
 
         live = (folder / FILE).exists()
         return read_live(folder) if live else SampledCampaign(load_campaign(folder), folder, self.name)
+
+    def written(self, folder: Path, case: str) -> WrittenCase:
+        """Return a failing case as a world file."""
+        from parcours_navigation.study.shrinking import written
+
+        return written(self.read(folder), folder, case)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on campaigns and live cases."""

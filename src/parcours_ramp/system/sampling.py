@@ -106,6 +106,18 @@ class SampledCampaign(CampaignResults):
         """Return how many of `cases` have each verdict."""
         return super().verdict_counts() + Counter(Verdict(one["verdict"]) for one in self._sampled.values())
 
+    def causes(self) -> Sequence[str]:
+        """Return why each of `cases` did not pass, in words that cases share."""
+        passed = str(Verdict.PASS)
+        again = ["" if one["verdict"] == passed else one["why"][:200] for one in self._sampled.values()]
+        return [*super().causes(), *again]
+
+    def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
+        """Return the cases at these places."""
+        n = len(self.found.facts)
+        every = self.cases() if any(k >= n for k in places) else []
+        return [every[k] for k in places] if every else super().some_cases(places)
+
     def reported(self, name: str) -> Reported:
         """Return the table of sampled cases; nothing without any."""
         rows = tuple((number, one["verdict"], one["why"]) for number, one in self._sampled.items())

@@ -18,6 +18,7 @@ from parcours_navigation.requirements.judging import joined
 from parcours_navigation.requirements.programs import compile_formulas
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 from parcours_navigation.study.study import code_digest
+from parcours_navigation.worlds.paper import ArenaCases
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.messages import OBSTACLE_STATE, PREDICTION, one
 from parcours_ramp.planner.parameters import Parameters, guarded, original
@@ -152,6 +153,7 @@ class SystemStudy:
                 "time_limit": self.time_limit,
                 "watched_on": self.watched_on,
                 "solid": self.solid,
+                **(self.cases.of.manifest() if isinstance(self.cases, ArenaCases) else {}),
                 **self.requirements.manifest(),
             },
             shard_size=shard_size or min(max(n_cases // 8, 64), 1024),

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.study.study import NavigationStudy
-
-pytest.importorskip("casadi")
 
 FILE = Path(__file__).parents[3] / "examples" / "casadi_mpc" / "casadi_mpc.py"
 

@@ -7,18 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
+from parcours_navigation.adapters.environment import CaseEnv, Reward
 from parcours_navigation.adapters.features import features, size
 from parcours_navigation.adapters.policy import PolicyPlanner
 from parcours_navigation.adapters.stepping import Stepped
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.planners.orca import Orca
 from parcours_navigation.study.study import NavigationStudy
-
-pytest.importorskip("gymnasium")
-from gymnasium.utils.env_checker import check_env
-
-from parcours_navigation.adapters.environment import CaseEnv, Reward
 
 
 def towards_goal(seen: Any) -> tuple[float, float]:

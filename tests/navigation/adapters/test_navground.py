@@ -13,8 +13,6 @@ from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.protocol import Limits, Observation, Robot, Task, Velocity
 from parcours_navigation.study.study import NavigationStudy
 
-pytest.importorskip("navground.core")
-
 LIMITS = Limits(speed=0.25, yaw_rate=1.57, acceleration=1.0, yaw_acceleration=2.0)
 
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from parcours_navigation.adapters.pyrvo import Pyrvo
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.protocol import Limits, Map, Observation, Robot, Task, Velocity
 from parcours_navigation.study.study import NavigationStudy
-
-pytest.importorskip("pyrvo")
 
 LIMITS = Limits(speed=0.25, yaw_rate=1.57, acceleration=1.0, yaw_acceleration=2.0)
 

@@ -45,6 +45,7 @@ def facts(effects: str) -> NDArray[np.void]:
             row["n_obstacle_contacts"] = effect == "o"
         elif effect == "t":
             row["n_robot_contacts"], row["t_contact"], row["min_clearance"] = 1, 5_000_000_000, -0.02
+            row["t_robot_contact"] = 5_000_000_000
         elif effect == "s":
             row["halted"], row["moved_after"], row["t_last_moving"] = 1, 0, 9_000_000_000
         elif effect == "l":

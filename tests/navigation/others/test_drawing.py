@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from pathlib import Path
@@ -73,6 +74,16 @@ def test_a_case_is_its_seed_and_number() -> None:
     assert first.agents.tobytes() == again.agents.tobytes()
     assert first.obstacles.tobytes() == again.obstacles.tobytes()
     assert first.obstacles.tobytes() != other.obstacles.tobytes()
+
+
+def test_of_those_drawn_only_some_are_there_and_they_are_as_they_were() -> None:
+    entry = Others(SocialForce(), number=6, area=(0.0, 0.0, 8.0, 8.0), group=2, speed_spread=0.1)
+    every, some = drawn([entry], 1, 5), drawn([dataclasses.replace(entry, only=(1, 4))], 1, 5)
+    names = [name for name in every.agents.dtype.names or () if name not in ("obstacle", "group")]
+    assert all(some.agents[name].tobytes() == every.agents[[1, 4]][name].tobytes() for name in names)
+    assert some.obstacles.tobytes() == every.obstacles[[1, 4]].tobytes()
+    with pytest.raises(BadRequest, match=r"numbers of them, 0 to 5, but is \(6,\)"):
+        dataclasses.replace(entry, only=(6,))
 
 
 def test_another_entry_changes_nothing_of_an_earlier_one() -> None:

@@ -37,7 +37,6 @@ def test_the_kernel_agrees_with_the_definition(seed: int) -> None:
 
 
 def test_the_kernel_agrees_with_rtamt() -> None:
-    pytest.importorskip("rtamt")
     rng = np.random.default_rng(7)
     compared = unbounded = 0
     for _ in range(400):

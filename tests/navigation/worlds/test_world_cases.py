@@ -208,7 +208,6 @@ def test_a_planner_that_needs_what_the_world_does_not_give_is_refused_by_name() 
 
 
 def test_a_world_is_a_gymnasium_environment_with_its_scan_in_the_observation() -> None:
-    pytest.importorskip("gymnasium")
     from parcours_navigation.adapters.environment import CaseEnv
 
     env = CaseEnv(WorldCases(1, find_world("corridor-people")), n_obstacles=4)

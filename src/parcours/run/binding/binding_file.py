@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from parcours.data import read_input_model
 from parcours.errors import BadDomain, BadRequest
 from parcours.model.documents import MAX_BYTES, Mapping, Node, read_document
 from parcours.model.finding import Finding, complaint, errors_among
@@ -105,7 +104,7 @@ class _BindingReader(PartReader):
             "nodes": (self.every(self.process), ()), "timing": (self.every(self.bound, self.label), ()),
             **{key: (self.every(partial(self.channel, role)), ()) for key, role in _ROLES.items()},
             "quiescence": (self.duration, 0.5), "system": (self.system, None), "data": (self.data, ((), "")),
-            "stack": (self.stack, None),
+            "stack": (self.stack, None), "clock": (self.duration, 0.0),
             "warm_up": (lambda node, what: self.integer(node, what, 0, 1_000_000), 10),
             "constants": (self.pairs(self.constant_of), ()),
             "parameters": (self.pairs(lambda node, what: plain(node), self.address), ()),
@@ -121,21 +120,24 @@ class _BindingReader(PartReader):
             said["stack"], standard = said["stack"]
             channels += standard
             self.unmodelled(said)
+        if said["clock"] or (said["stack"] is not None and said["stack"].simulated):
+            self.led_by_clock(said)
         # A channel is silent after the binding's own time, unless it says another.
         said["channels"] = tuple(replace(one, quiescence=one.quiescence or silence) for one in channels)
         said["data"], said["data_file"] = said["data"]
         return None if said["model"] is None else Binding(source=self.origin, **said)
 
     def unmodelled(self, said: dict[str, Any]) -> None:
-        """Let the nodes of a navigation stack stand for components of their own names, and give them its clock."""
+        """Let the nodes of a navigation stack stand for components of their own names."""
         nodes: tuple[Process, ...] = said["nodes"]
         if said["model"] is None:
             said["nodes"] = nodes = tuple(replace(one, components=(one.name,)) for one in nodes)
             said["model"] = Cefsm(said["name"], tuple(Component(one.name, ()) for one in nodes))
-        if not said["stack"].simulated:
-            return
+
+    def led_by_clock(self, said: dict[str, Any]) -> None:
+        """Let all nodes take their time from /clock."""
         given = dict(said["parameters"])
-        for one in nodes:
+        for one in said["nodes"]:
             if one.ros_node:
                 given.setdefault(f"{one.ros_node}/use_sim_time", True)
             else:
@@ -166,6 +168,8 @@ class _BindingReader(PartReader):
 
     def data(self, node: Node, what: str) -> tuple[tuple[str, ...], str]:
         """Return the names of the inputs of the file that the node names, and the file."""
+        from parcours.data import read_input_model  # which loads what compiles
+
         path = self.path(node, what)
         try:
             return read_input_model(path).names, str(path)

@@ -28,6 +28,7 @@ def findings(binding: Binding) -> list[Finding]:
     check.nodes()
     check.channels()
     check.services()
+    check.actions()
     check.timing()
     check.system()
     check.stack()
@@ -168,10 +169,35 @@ class _Check:
                 rule = f"service {address} must have one server, but is bound as of {first[address]} and of {server}"
                 self.add(channels[0].line, "binding-service", rule, "is 'part' of one of them wrong?")
             words = [channel.part for channel in channels]
+            if channels[0].action:  # each of its services stands for one channel
+                continue
             if words.count("request") != 1 or words.count("response") > 1:
                 rule = f"service {address} from {client} to {server} must have one request and at most one response"
                 said = f"{rule}, but has {words.count('request')} and {words.count('response')}"
                 self.add(channels[0].line, "binding-service", said, "bind both directions of the service in the model")
+
+    def actions(self) -> None:
+        """Every part of an action belongs to a goal, and goes its way or back."""
+        goals = {_action(one): one for one in self.binding.channels if one.action == "goal"}
+        for channel in self.binding.channels:
+            if not channel.action:
+                continue
+            if self.binding.transport != "ros2":
+                rule = f"only ros2 has actions, but 'transport' is {self.binding.transport}"
+                self.add(channel.line, "binding-action-part", rule, "bind its topics")
+                continue
+            goal = goals.get(_action(channel))
+            if goal is None:
+                rule = f"an action begins with a goal, but no channel is bound to that of {_action(channel)}"
+                self.add(channel.line, "binding-action-part", rule, "bind one with part: goal")
+                continue
+            client, server = self.binding.ends(goal.name)
+            sender, receiver = (client, server) if channel.action in ("goal", "cancel") else (server, client)
+            if self.binding.ends(channel.name) != (sender, receiver):
+                rule = f"the {channel.action} of {_action(channel)} must go from {sender} to {receiver}"
+                ends = self.binding.ends(channel.name)
+                said = f"{rule}, but {channel.name!r} goes from {ends[0]} to {ends[1]}"
+                self.add(channel.line, "binding-action-part", said, f"line {goal.line} binds its goal")
 
     def prefixed(self, formula: Formula, what: str) -> None:
         """Places outside a channel's own section name their channel first."""
@@ -220,6 +246,9 @@ class _Check:
         if stack is not None and self.binding.transport != "ros2":
             rule = f"a stack is driven on ros2, but 'transport' is {self.binding.transport}"
             self.add(stack.line, "binding-stack", rule, "write transport: ros2")
+        if self.binding.clock and (stack is not None or self.binding.transport != "ros2"):
+            rule = "the tester says the time on ros2, and to a stack by its own section, but 'clock' is given"
+            self.add(0, "binding-clock", rule, "delete it")
         if stack is not None and stack.simulated and self.binding.timing:
             rule = "durations are those of the machine's clock, but the nodes are led by /clock"
             self.add(self.binding.timing[0].line, "clock-domains", rule, "delete 'timing', or write time: real")
@@ -239,3 +268,8 @@ class _Check:
         if modelled is None:
             return self.bound[name].role == "provide"
         return self.binding.process_of(modelled.sender) is None
+
+
+def _action(channel: BoundChannel) -> str:
+    """Return the name of the action that a channel is a part of."""
+    return channel.address.rpartition("/_action/")[0]

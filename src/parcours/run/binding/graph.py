@@ -54,6 +54,15 @@ class Quality:
         ]  # fmt: skip
         return "; ".join(lacking)
 
+    def __str__(self) -> str:
+        """What differs from the usual quality; empty if nothing does."""
+        words = (
+            "" if self.reliable else "best effort", "transient local" if self.latched else "",
+            "" if self.deadline is None else _time(self.deadline, "deadline"), _LIVELINESS[1] if self.manual else "",
+            "" if self.lease is None else _time(self.lease, "lease"),
+        )  # fmt: skip
+        return ", ".join(word for word in words if word)
+
 
 def _is_longer(offered: int | None, requested: int | None) -> bool:
     return requested is not None and (offered is None or offered > requested)

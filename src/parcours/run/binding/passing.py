@@ -14,6 +14,9 @@ BEGINS, ENDS = "the case begins", "the case ends"
 STOPPED, CONTINUED = "stopped by the tester", "continued by the tester"
 """Notes in a trace between which a component was kept from doing anything; nothing is owed meanwhile."""
 
+SCHEDULED = "runs under "
+"""How the note begins that says under which rule a component runs that was to run in real time."""
+
 MADE = "made by the tester"
 """The text of what the tester sends in place of other nodes: what cannot be read of it is no sender's fault."""
 

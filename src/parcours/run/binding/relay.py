@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from parcours.model.structure import ENVIRONMENT
+from parcours.run.binding.actions import Goals
 from parcours.run.binding.passing import MADE, Call, Ends, Message
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
@@ -68,6 +69,9 @@ class Relay:
         self._timeouts = {one.name: round(one.timeout * 1e9) for one in binding.channels}
         self._raw: dict[int, Raw] = {}
         self._closed = False
+        self._goals = Goals()
+        self._is_apart = any(slot.reference is not None for slot in slot_plan.slots)
+        self._actions = {one.name: one.action for one in binding.channels}
 
     # What nodes say.
 
@@ -88,9 +92,13 @@ class Relay:
             reply(None)
             return
         call = Call(spoke.address, spoke.slot, reply, request=data)
+        if self._actions.get(spoke.channels[0]) == "goal":
+            self._goals.note(spoke.slot, data)
         self.calls.append(call)
         if spoke.channels[0]:
             self.arrived(self._message(spoke.channels[0], spoke.slot, data, call))
+        elif self._is_apart and self.binding.channel(spoke.channels[1]).action:
+            return  # the result comes at its turn; the tester has asked the server itself
         else:  # only the responses are bound
             self._ask(Message(-1, "", spoke.slot, "", data, self._now(), call), spoke.channels[1])
 
@@ -126,6 +134,7 @@ class Relay:
         if not spokes:
             self.record("receive", ENVIRONMENT, message)
         for spoke in spokes:
+            data = self._fitted(message, spoke, data)
             lost = self._ends.say(spoke, data)
             who = self._name(message.channel, spoke.slot, 1)
             if lost:
@@ -144,9 +153,16 @@ class Relay:
         if message.channel:
             self.record("receive", self._name(message.channel, spoke.slot, 1), message, data=data)
 
+        is_goal = self._actions.get(message.channel) == "goal"
+        given = self._fitted(message, spoke, message.data if data is None else data)
+        if is_goal:
+            self._goals.note(spoke.slot, given)
+
         def answered(answer: bytes | None, why: str) -> None:
             if call.is_over:
                 return
+            if is_goal and call.reply is None and answer and Goals.is_accepted(answer):
+                self._ask_result(message.channel, spoke.slot, given)
             if answer is None:
                 self.fail(message, f"the call failed: {why}")
             elif spoke.channels[1]:
@@ -159,8 +175,22 @@ class Relay:
                 self._ends.abandon(spoke, answered)
                 self.fail(message, f"no answer within {self._timeouts[channel] * 1e-9:g} s")
 
-        self._ends.ask(spoke, message.data if data is None else data, answered)
+        self._ends.ask(spoke, given, answered)
         self.agenda.at(self._now() + self._timeouts[channel], expire)
+
+    def _fitted(self, message: Message, spoke: Spoke, data: bytes) -> bytes:
+        """Return the data as if it spoke of the goal that is known where it goes."""
+        if self._actions.get(message.channel) not in ("feedback", "cancel") or not (self._is_apart or not message.slot):
+            return data
+        return self._goals.fitted(spoke.slot, data)
+
+    def _ask_result(self, goal: str, slot: str, data: bytes) -> None:
+        """Ask for the result of a goal of the tester's own, if it is bound."""
+        address = self.binding.channel(goal).address.rpartition("/")[0]
+        for one in self.binding.channels:
+            if one.action == "result" and one.address.rpartition("/")[0] == address:
+                call = Call(one.address, "", None)
+                self._ask(Message(-1, "", "", "", Goals.asking(data), self._now(), call), one.name, slot)
 
     def _reply(self, message: Message, data: bytes) -> None:
         call = message.call

@@ -13,6 +13,7 @@ from parcours.errors import BadModel
 from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.nodes import brief, shown
 from parcours.run.binding import structure as parts
+from parcours.run.binding.actions import WIRE, on_the_wire
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.places import Place, parse_place
 from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
@@ -29,6 +30,9 @@ _READY = ("topic", "service", "node", "parameter", "message", "after")
 _VERBS = ("set", "wait", "call", "publish", "life")
 LIVES = ("unconfigured", "inactive", "active")
 """The states of a lifecycle node to which it can be led, in their order."""
+
+_CALL, _RESULT = 2.0, 3600.0
+"""How long a call may take, and how long until the result of a goal is there, if nobody says [s]."""
 
 _QUANTITIES = ("radius", "v_max", "w_max", "a_max", "alpha_max")
 """What `robot` may say of the simulated robot [m, m/s, rad/s, m/s2, rad/s2]."""
@@ -104,6 +108,7 @@ class PartReader(QuantityReader):
             "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
             "timeout": (self.duration, parts.START), "after": (self.identifiers, ()), "stop": (self.duration, 2.0),
             "restart": (self.choice("every-case", "when-dead"), "every-case"), "life": (self.choice(*LIVES), ""),
+            "realtime": (self.boolean, False),
         }  # fmt: skip
         said = self.section(node, what, table)
         running, timeout, life = said.pop("running"), said.pop("timeout"), said.pop("life")
@@ -116,6 +121,9 @@ class PartReader(QuantityReader):
         if running and not said["ros_node"]:
             rule = f"{what} is not started here, so 'ros_node' must say by what name it is seen, but it is missing"
             self.add(node, "missing-key", rule, "add e.g. ros_node: /planner")
+        if running and said["realtime"]:
+            rule = f"{what} is not started here, so it cannot be given real time, but it says 'realtime: true'"
+            self.add(node, "binding-start", rule, "start it with chrt, or delete it")
         if running and said["remap"]:
             rule = f"{what} is not started here, so no arguments can be appended, but it says 'remap: true'"
             remedy = "remap it yourself, and say 'out' and 'in' of its channels"
@@ -156,26 +164,36 @@ class PartReader(QuantityReader):
         }  # fmt: skip
         if role == "model":
             table["service"] = self.address, ""
-            table["part"] = self.choice("request", "response"), ""
-            table["timeout"] = self.duration, 2.0
+            table["action"] = self.address, ""
+            table["part"] = self.choice("request", "response", *WIRE), ""
+            table["timeout"] = self.duration, 0.0
             table["answer"] = self.choice("tester", "node"), "tester"
         if role == "between":
             table |= {"from": (self.identifier, ""), "to": (self.identifier, "")}
         said = self.section(node, what, table, ("type", "from", "to") if role == "between" else ("type",))
-        topic, service, part, sender, receiver = (
-            said.pop(key, "") for key in ("topic", "service", "part", "from", "to")
+        topic, service, action, part, sender, receiver = (
+            said.pop(key, "") for key in ("topic", "service", "action", "part", "from", "to")
         )
-        if bool(topic) == bool(service):
-            rule = f"{what} must have a topic or a service, but has {'both' if topic else 'neither'}"
+        known = WIRE if action else ("request", "response") if service else ()
+        n_named = sum(map(bool, (topic, service, action)))
+        if n_named != 1:
+            rule = f"{what} must have a topic, a service or an action, but has {'several' if n_named else 'none'}"
             self.add(node, "binding-address", rule)
-        elif service and not part:
-            self.add(node, "missing-key", f"{what} is of a service: 'part' must be request or response", "add it")
+        elif known and part not in known:
+            rule = f"{what} is of {'an action' if action else 'a service'}: 'part' must be {' or '.join(known)}"
+            self.add(node, "missing-key", rule, "add it")
         elif topic and part:
-            self.add(node, "binding-address", f"only a service has parts, but {what} is a topic", "delete it")
-        said["part"], said["into"] = part or "topic", said.pop("in")
-        return parts.BoundChannel(
-            name, service or topic or "/absent", role=role, ends=(sender, receiver), line=line, **said
-        )
+            self.add(
+                node, "binding-address", f"only services and actions have parts, but {what} is a topic", "delete it"
+            )
+        said["into"] = said.pop("in")
+        if "timeout" in said:
+            said["timeout"] = said["timeout"] or (_RESULT if part == "result" else _CALL)
+        address, said["part"] = service or topic or "/absent", part or "topic"
+        if action and part in WIRE:
+            address, said["type"], said["part"] = on_the_wire(action, said["type"], part)
+            said["action"] = part
+        return parts.BoundChannel(name, address, role=role, ends=(sender, receiver), line=line, **said)
 
     def injection(self, node: Node, what: str) -> parts.Injection:
         """Return how the tester makes messages of a channel."""

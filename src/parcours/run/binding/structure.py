@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 from parcours.model.documents import Node as Tree
 from parcours.model.structure import Cefsm
+from parcours.run.binding.actions import ActionPart
 from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import Place
 
@@ -49,7 +50,7 @@ class Process:
 
     An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
     tells whether it obeys remapping arguments that are appended to its command. It is started when the nodes `after`
-    are ready, asked to stop, and ended after `stop` [s].
+    are ready, asked to stop, and ended after `stop` [s]. `realtime` asks for it to run before all ordinary processes.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Process:
     after: tuple[str, ...] = ()
     restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
+    realtime: bool = False
     line: int = field(default=0, compare=False)
 
     @property
@@ -105,6 +107,7 @@ class BoundChannel:
         inject: how the tester makes its messages.
         answer: who answers calls of a service that are no part of an abstract case: the tester, or a node run for it.
         ends: the nodes that send and receive it, for role `between` only.
+        action: which part of an action of ROS 2 it is, if it is one.
     """
 
     name: str
@@ -123,6 +126,7 @@ class BoundChannel:
     inject: Injection | None = None
     answer: Literal["tester", "node"] = "tester"
     ends: tuple[str, str] = ("", "")
+    action: ActionPart = ""
     line: int = field(default=0, compare=False)
 
 
@@ -233,6 +237,8 @@ class Binding:
     warm_up: int = 10
     system: System | None = None
     stack: Stack | None = None
+    clock: float = 0.0
+    """How often the tester says on /clock what time it is [s]; 0 if it does not."""
     constants: tuple[tuple[str, Constant], ...] = ()
     data: tuple[str, ...] = ()
     """The names of the test inputs that formulas may use."""

@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 
-from parcours.streams import hashed
+from parcours.hashing import hashed
 
 How = Literal["any", "sign", "bit", "scale", "nan", "length"]
 """sign: a number is negated, a flag inverted. bit: one bit of a number is flipped; of whole numbers one of the lower

@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from parcours.hashing import hashed
 from parcours.run.faults.corruption import How
 from parcours.run.faults.plan import ChannelFault, FaultPlan, time_text
-from parcours.streams import hashed
 
 
 @dataclass(frozen=True, slots=True)

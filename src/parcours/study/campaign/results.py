@@ -52,6 +52,19 @@ class CampaignResults:
             for number, outcome in zip(self.numbers, self.outcomes, strict=True)
         ]
 
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return Counter(one.verdict for one in self.outcomes)
+
+    def causes(self) -> Sequence[str]:
+        """Return why each case did not pass, in words that cases share."""
+        return [one.reason for one in self.outcomes]
+
+    def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
+        """Return the cases at these places."""
+        chosen = [(self.numbers[k], self.outcomes[k]) for k in places]
+        return [CaseResult(self.study.id(number), one.verdict, 0.0, one.why) for number, one in chosen]
+
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of verdicts, then every fact: a bool as a rate, a number as a quantity; NaN after an error.
 
@@ -114,7 +127,9 @@ class CampaignResults:
             pieces += _trace_pieces(self.study.traced(given, self.settings))
         verdict = f"{outcome.verdict}: {outcome.why}"
         heads = (("study", self.study.name), ("campaign", self.label), ("case", id), ("seed", str(self.seed)))
-        return Page(id, verdict, heads, (Section(verdict, "Simulated again from the case's number.", tuple(pieces)),))
+        return Page(
+            id, verdict, heads, (Section("What happened", "Simulated again from the case's number.", tuple(pieces)),)
+        )
 
     def _values(self, title: str, values: Mapping[str, Scalar]) -> Table:
         units = {name: "" if unit == "1" else unit for name, unit in self.study.units.items()}

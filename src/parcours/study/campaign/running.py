@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from parcours.errors import BadResults
 from parcours.run.campaign import Prepares, run_campaign
 from parcours.run.heartbeat import LostCase, RunsStrangers
-from parcours.run.store import Campaign, Store
+from parcours.run.store import MANIFEST, Campaign, Store
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 from parcours.study.stopping import Rates, Watch, parse_rule
 
-MANIFEST = "campaign.json"
 CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
 
 
@@ -129,7 +128,7 @@ class KeptFacts:
         Args:
             without: fields that are not wanted.
         """
-        if "whole" in self.__dict__ or not self._store.finished():
+        if "whole" in self.__dict__ or not self._store.in_order():
             yield self.whole
             return
         numbers, at = self._numbers(), 0
@@ -141,7 +140,7 @@ class KeptFacts:
     def _numbers(self) -> NDArray[np.int64]:
         """Return the numbers that the finished cases must have."""
         campaign = self._store.campaign
-        there = [campaign.cases(shard) for shard in self._store.finished()]
+        there = [campaign.cases(shard) for shard in self._store.in_order()]
         rows = np.concatenate([np.arange(0), *(np.arange(one.start, one.stop) for one in there)])
         chosen = campaign.parameters.get(CHOSEN)
         return np.array(chosen)[rows] if isinstance(chosen, list) else rows

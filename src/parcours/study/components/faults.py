@@ -7,6 +7,7 @@ that was struck still passes: a fault that no case notices is one that neither t
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 from parcours.abtc import Event
 from parcours.errors import BadRequest, ParcoursError
 from parcours.model.structure import Component as Modelled
-from parcours.report.pieces import Column, Page, Section, Table
+from parcours.report.pieces import Cause, Column, Failing, Failures, Marked, Page, Section, Summary, Table
 from parcours.run.faults import corrupted
 from parcours.run.port import Component, Step
 from parcours.study.components.isolation import Done, run_apart
@@ -26,6 +27,7 @@ from parcours.study.components.systems import System
 from parcours.study.components.tester import Wrapped
 from parcours.study.parameters import Settings
 from parcours.study.protocol import FaultReport, FaultRequest, Progress
+from parcours.study.provenance import provenance
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -90,8 +92,44 @@ def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> 
     table = Table(f"Faults on purpose, {study.name}", columns, tuple(rows), note)
     keys = ("fault", "struck", "noticed", "unnoticed", "why")
     document = {"study": study.name, "faults": [dict(zip(keys, row, strict=True)) for row in rows]}
-    page = Page(f"{study.name} under faults", "", (("study", study.name),), (Section("Faults", "", (table,)),))
-    return FaultReport(lines, (table,), page, document)
+    return FaultReport(lines, (table,), _fault_page(study, rows, table, request), document)
+
+
+def _fault_page(
+    study: ComponentStudy, rows: Sequence[tuple[str, int, int, int, str]], table: Table, request: FaultRequest
+) -> Page:
+    """Return the page: which faults nobody noticed, and the table of all."""
+    struck = [row for row in rows if row[1]]
+    unseen, partly = [row for row in struck if not row[2]], [row for row in struck if row[2] and row[3]]
+    where = study.where or study.name
+    groups = {"no case noticed it": unseen, "some cases did not notice it": partly}
+    causes = tuple(
+        Cause(words, len(mine), tuple(
+            Failing(row[0], Marked("unnoticed", "bad" if mine is unseen else "poor"),
+                    f"{row[3]} of {row[1]} struck cases passed" + (f"; noticed elsewhere: {row[4]}" if row[4] else ""),
+                    (), (shlex.join(["parcours", "faults", where, "--seed", str(request.seed), "--cases",
+                                     str(request.cases), "--only", row[0]]),))
+            for row in mine
+        ))
+        for words, mine in groups.items() if mine
+    )  # fmt: skip
+    idle = len(rows) - len(struck)
+    facts = [f"{len(mine)} faults: [{words}](#cause_{k})." for k, (words, mine) in
+             enumerate(((words, mine) for words, mine in groups.items() if mine), 1)]  # fmt: skip
+    facts += [f"{idle} faults struck no case: nothing that they could hit was sent."] if idle else []
+    seen = len(struck) - len(unseen)
+    summary = Summary(
+        f"The cases of **{study.name}** ran under {len(rows)} faults, one at a time.",
+        f"They noticed {seen} of the {len(struck)} that struck.", "poor" if unseen or not struck else "good",
+        tuple(facts),
+        "Start with [the faults that no case noticed](#failures): give the study oracles that look at the data."
+        if causes else "Every fault is noticed: keep these oracles.",
+    )  # fmt: skip
+    lead = "A fault that no case notices is one that neither the components refuse nor the oracles see."
+    listed = Section("Faults that were not noticed", lead, (Failures("Faults", causes, what="fault"),), "failures")
+    facts_of = (*provenance().items(), ("study", study.name), ("seed", str(request.seed)))
+    sections = (*((listed,) if causes else ()), Section("Faults", "", (table,), "faults"))
+    return Page(f"{study.name} under faults", "", facts_of, sections, summary)
 
 
 def _row(study: ComponentStudy, fault: Strike, request: FaultRequest) -> tuple[str, int, int, int, str]:

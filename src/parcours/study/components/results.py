@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Figure, Page, Section, Table
+from parcours.report.pieces import Column, Figure, Page, Piece, Section, Table
+from parcours.report.sequences import sequence_chart
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
@@ -23,6 +25,7 @@ from parcours.run.port import Reported
 from parcours.run.trace import SHOWN, Trace
 from parcours.study.components.executing import Functional, Timing
 from parcours.study.components.landing import Glance
+from parcours.study.components.sequence import steps_of
 from parcours.study.protocol import Measure
 from parcours.suite import Case
 from parcours.verdict.contracts import judged
@@ -38,6 +41,8 @@ _NOTES = {
     PER_CASE: "All visits of a component were one instance per case; when timed, each was an instance of its own.",
 }
 _LONG = 200  # characters of a message that are shown
+_AT = re.compile(r"\bevent \d+, |(?<=\w)#\d+|, after [^;]*$|, after [^;]*(?=;)|; held back: [^;]*")
+_CAUSE = 200  # characters of a cause
 _LONGEST = 2_000  # characters of a reason that are kept
 
 
@@ -251,9 +256,9 @@ class StudyResults:
 
     def __init__(
         self, study: str, found: ComponentResults, replay: Callable[[str], Page], checks: Sequence[str] = (),
-        landed: Glance | None = None,
+        landed: Glance | None = None, painted: Callable[[str], Sequence[Piece]] | None = None,
     ) -> None:  # fmt: skip
-        self._landed = landed
+        self._landed, self._painted = landed, painted
         self.study, self.found, self._replay, self.checks = study, found, replay, checks
         self.label = found.host
         self.planned = found.planned
@@ -261,6 +266,10 @@ class StudyResults:
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
         return [one.junit() for one in self.found.results]
+
+    def machines(self, where: str) -> Sequence[Piece]:
+        """Return the machines, painted by what cases took of them; nothing if the model is not known."""
+        return self._painted(where) if self._painted is not None else ()
 
     def landing(self, title: str) -> Table | None:
         """Return how many blocks of test data reached a component, and which did not; None if that is not known."""
@@ -291,6 +300,19 @@ class StudyResults:
             rates["duration"] = Measure(np.array(middles), "quantity", "s")
         return rates
 
+    def causes(self) -> Sequence[str]:
+        """Return why each case did not pass, without the place in its order and the number of the instance."""
+        return ["" if one.verdict == "pass" else _AT.sub("", one.why.partition("; then: ")[0])[:_CAUSE]
+                for one in self.found.results]  # fmt: skip
+
+    def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
+        """Return the cases at these places."""
+        return [self.found.results[k].junit() for k in places]
+
+    def replayable(self, case: str) -> bool:
+        """Return whether a case can be replayed: functional ones can."""
+        return not case.startswith("timing/")
+
     def replay(self, case: str) -> Page:
         """Return a page on one case, run again."""
         ids = [one.id for one in self.found.results]
@@ -307,12 +329,15 @@ def page_of(study: str, case: Case, judgement: Judgement, trace: Trace) -> Page:
     heads = (Column("time", ",d", unit="us"), Column("component"), Column("event"))
     columns = (*heads, Column("what", code=True), Column("message", code=True))
     note = "In simulated time an event takes a millisecond: the order counts, not the duration."
+    chart = "Who sent what to whom; dashed: held back until its turn in the case came. Orange: where it went wrong."
     pieces = (
+        sequence_chart("What happened, as a chart", steps_of(trace), chart),
         Table("Test inputs", (Column("input"), Column("value", ".6g")), values),
         Table("What happened", columns, event_rows(trace), note),
     )
-    section = Section(f"{judgement.verdict}: {judgement.why}", "Executed again, in simulated time.", pieces)
-    return Page(case.id, section.title, (("study", study), ("case", case.id)), (section,))
+    section = Section("What happened", "Executed again, in simulated time.", pieces)
+    said = f"{judgement.verdict}: {judgement.why}"
+    return Page(case.id, said, (("study", study), ("case", case.id)), (section,))
 
 
 def event_rows(trace: Trace) -> tuple[tuple[str | int, ...], ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from parcours.study.components.archive import Archive
 from parcours.study.components.executing import Execute, Exercise, Functional, Timing, TimingGroup
 from parcours.study.components.isolation import Done, longest, run_apart, watched
 from parcours.study.components.landing import glance
+from parcours.study.components.painting import machine_pieces
 from parcours.study.hosting import Hosted, started
 from parcours.study.journal import Journal, read_journal, read_question, write_question
 from parcours.study.parameters import Settings
@@ -271,7 +273,7 @@ def read_results(study: ComponentStudy, folder: Path) -> Results:
         raise BadResults(str(folder), rule, slug="results-study")
     return results.StudyResults(
         study.name, found, lambda case: _page(study, folder, case), contracts_of(study.model).checks,
-        results.read_landing(folder),
+        results.read_landing(folder), lambda where: machine_pieces(study, found.results, where),
     )  # fmt: skip
 
 
@@ -291,6 +293,7 @@ def report_results(folders: Mapping[str, Results]) -> Reported:
     """Return tables, pieces and documents on component results."""
     tables: list[Table] = []
     pieces: list[Piece] = []
+    drawn: list[Callable[[], Sequence[Piece]]] = []
     documents: dict[str, object] = {}
     for folder, result in folders.items():
         assert isinstance(result, results.StudyResults)
@@ -300,13 +303,16 @@ def report_results(folders: Mapping[str, Results]) -> Reported:
         pieces.append(tables[-1])
         data = results.data_table(found.results, result.checks, f"Data, {where}")
         failures = results.failure_table(found.results, f"Cases that did not pass, {where}")
-        for table in (data, result.landing(f"Test data, {where}"), failures):
+        for table in (data, result.landing(f"Test data, {where}")):
             if table is not None:
                 tables.append(table)
                 pieces.append(table)
+        if failures is not None:
+            tables.append(failures)
+        drawn.append(functools.partial(result.machines, where if len(folders) == 1 else f"{where}, {folder}"))
         if results.timed(found):
             made = results.timing_pieces(found, where)
             tables += [one for one in made if isinstance(one, Table)]
             pieces += made
         documents[folder] = [asdict(one) for one in found.results]
-    return Reported(tables, lambda: pieces, documents)
+    return Reported(tables, lambda: [*pieces, *(piece for draw in drawn for piece in draw())], documents)

@@ -12,7 +12,7 @@ can be run, those are added that take something new.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -34,10 +34,11 @@ Taken = tuple[str, int, str]  # what a case may be the first to take: interactio
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The abstract cases of a study by id, and those that cannot be run, with why."""
+    """The abstract cases of a study by id, those that cannot be run, with why, and what only those would take."""
 
     cases: Mapping[str, AbstractCase]
     infeasible: Mapping[str, str]
+    untaken: frozenset[tuple[str, str]] = frozenset()  # component and transition
 
 
 def select_cases(model: Cefsm, criterion: str, policy: str, chooser: Chooser) -> Selection:
@@ -56,7 +57,23 @@ def select_cases(model: Cefsm, criterion: str, policy: str, chooser: Chooser) ->
         rule = f"no values can make any of its {len(infeasible)} abstract cases run; {id}: {why}"
         remedy = "look at the guards that are named: what the others send must be able to meet them"
         raise BadModel(model.source or model.name, rule, remedy, slug="no-feasible-cases")
-    return Selection(cases, infeasible)
+    return Selection(cases, infeasible, _untaken([listed[id] for id in infeasible], cases.values()))
+
+
+def _untaken(infeasible: Sequence[AbstractCase], cases: Iterable[AbstractCase]) -> frozenset[tuple[str, str]]:
+    """Return component and id of each transition that infeasible cases would take, and no other."""
+    if not infeasible:
+        return frozenset()
+    wanted, taken = (
+        {
+            (path.component, each.id)
+            for case in some
+            for _, path in case.combination.references
+            for each in path.transitions
+        }
+        for some in (infeasible, cases)
+    )
+    return frozenset(wanted - taken)
 
 
 def _short(

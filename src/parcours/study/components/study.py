@@ -148,6 +148,11 @@ class ComponentStudy:
         """The abstract cases whose guards cannot hold together whatever the tester chooses, and why."""
         return self._selection.infeasible
 
+    @property
+    def untaken(self) -> frozenset[tuple[str, str]]:
+        """Component and id of each transition that only infeasible cases would take."""
+        return self._selection.untaken
+
     @functools.cached_property
     def messages(self) -> Messages:
         """The messages of the model."""
@@ -258,6 +263,10 @@ class ComponentStudy:
     @functools.cached_property
     def _chosen(self) -> dict[object, Stimuli]:
         return {}
+
+    def order_of(self, abstract: str) -> tuple[Event, ...]:
+        """Return the events of an abstract case."""
+        return self._events(abstract)
 
     @functools.lru_cache(maxsize=256)  # noqa: B019 - a study lives as long as its process
     def _events(self, abstract: str, order: str = "", seed: int = 0) -> tuple[Event, ...]:

@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from parcours.report.pieces import Cell, Column, Table
+from parcours.report.pieces import Cause, Cell, Column, Failing, Failures, Marked, Page, Section, Summary, Table, Tone
 from parcours.study.mutation.laboratory import Kind, MutantOutcome
 from parcours.study.mutation.mutant import Mutant
 from parcours.study.mutation.observing import CASES, CHECK, CONFORMANCE, STAGES, TWIN
@@ -134,6 +134,50 @@ class MutationResults:
     def _twin(self, mutant: Mutant) -> dict[str, object]:
         outcome = self.outcomes.get(mutant.id)
         return {"seen_by": self.seen_by(outcome)} if outcome is not None and set(outcome.seen) == {TWIN} else {}
+
+
+def mutation_page(found: MutationResults, made: Mapping[str, str]) -> Page:
+    """Return the page on mutants: what the tests notice, the mutants that they do not, the tables.
+
+    `made` says where the results come from (`parcours.study.provenance`).
+    """
+    effective, survivors = found.effective(), found.survivors()
+    n, lost, planned = len(effective), len(survivors), len(found.mutants)
+    verdict = f"They noticed {n - lost} of {n} mutants that have an effect{f' ({(n - lost) / n:.1%})' if n else ''}."
+    tone: Tone = "poor" if lost or not n else "good"
+    by_stage = {stage: sum(stage in one.seen for _, one in effective) for stage in found.stages if stage != TWIN}
+    facts = [f"{len(found.outcomes)} of {planned} mutants ran; {len(found.outcomes) - n} have no effect that shows."]
+    if by_stage and n:
+        best = max(by_stage, key=lambda stage: by_stage[stage])
+        facts.append(f"*{best}* notices most: {by_stage[best]} of {n}.")
+    causes = []
+    for operator, count in Counter(mutant.operator for mutant, _ in survivors).most_common():
+        mine = [(mutant, outcome) for mutant, outcome in survivors if mutant.operator == operator]
+        rows = [_survivor(found, mutant, outcome) for mutant, outcome in mine]
+        causes.append(Cause(operator, count, tuple(rows)))
+    if causes:
+        facts.append(f"Most survivors are of one kind: [{causes[0].words}](#cause_1), {causes[0].count} of {lost}.")
+    advice = (
+        "Start with [the survivors](#failures): each is a change of behaviour that no test sees. Give the study an "
+        "oracle that looks at what it changes, and run the command again."
+        if lost else "Keep the score as a gate: `--fail-if` makes a later loss of tests fail the build."
+    )  # fmt: skip
+    lead = "Changes of the code or the model that no stage of the tests noticed, by kind of change."
+    listed = [
+        Section("Mutants that survived", lead, (Failures("Survivors", tuple(causes), what="mutant"),), "failures")
+    ]
+    return Page(
+        f"Mutants of {found.study}", "", tuple(made.items()),
+        (*(listed if causes else ()), Section("Scores", "", tuple(found.tables()), "scores")),
+        Summary(f"The tests of **{found.study}** were tested with small changes of its {found.of}.", verdict, tone,
+                tuple(facts), advice),
+    )  # fmt: skip
+
+
+def _survivor(found: MutationResults, mutant: Mutant, outcome: MutantOutcome) -> Failing:
+    why = f"{mutant.place}: {mutant.change}"
+    seen = found.seen_by(outcome) if found.of != "model" else ""
+    return Failing(mutant.id, Marked("survived", "poor"), f"{why}; seen by the golden twin: {seen}" if seen else why)
 
 
 def _share(part: int, whole: int) -> float | None:

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 from parcours.abtc import AbstractCase, abstract_cases
 from parcours.data import CRITERIA
 from parcours.errors import BadRequest, require_known
+from parcours.hashing import hashed
 from parcours.model.structure import Cefsm, Machine, Transition
 from parcours.paths import internal_paths
 from parcours.paths.internal import InternalPath
-from parcours.streams import hashed
 
 if TYPE_CHECKING:
     from parcours.study.protocol import Study

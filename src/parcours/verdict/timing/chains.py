@@ -42,21 +42,6 @@ class Chain:
         """How long each reaction took [ns]."""
         return tuple(map(sum, self.rows))
 
-    def __add__(self, other: Chain) -> Chain:
-        """Return the reactions of both runs. Raises BadRequest if they are on different clocks or steps.
-
-        >>> Chain("stop", ("A",), ((3,),)) + Chain("stop", ("A",), ((4,),), "simulated")
-        Traceback (most recent call last):
-        parcours.errors.BadRequest: timing chain 'stop': times are compared on one clock only, but these are from \
-'wall' and 'simulated'; look at each by itself [clock-domains]
-        """
-        if self.clock != other.clock or self.steps != other.steps:
-            what = "clock" if self.clock != other.clock else "way"
-            pair = (self.clock, other.clock) if what == "clock" else (self.steps, other.steps)
-            rule = f"times are compared on one {what} only, but these are from {pair[0]!r} and {pair[1]!r}"
-            raise BadRequest(f"timing chain {self.name!r}", rule, "look at each by itself", slug="clock-domains")
-        return Chain(self.name, self.steps, self.rows + other.rows, self.clock)
-
 
 def chain(name: str, trace: Trace, channels: Sequence[str]) -> Chain:
     """Return the reactions of a run along channels; a message without an effect by the end of its repeat begins none.

@@ -27,8 +27,6 @@ from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.study import study as study_module
 from parcours_navigation.study.study import NavigationStudy
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux only")
-
 CASES = SystemCases(1)
 SHORT = Scenario(time_limit=0.6, call_timeout=0.25)
 N_TOGETHER = 8  # deeds in one campaign

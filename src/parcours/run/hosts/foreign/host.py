@@ -8,18 +8,23 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from parcours.errors import BadRequest
 from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, compile_binding
+from parcours.run.binding.actions import STATUS, WIRE
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
+from parcours.run.binding.structure import BoundChannel
 from parcours.run.hosts.foreign.graph import Caller, End, ForeignGraph, Sender, open_graph
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.graph_line import Reply
+from parcours.run.hosts.scheduling import NODE_PRIORITY
 from parcours.run.recording import Raw
+
+_CLOCK = "rosgraph_msgs/Clock"
 
 Owner = tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]
 """What is called with messages and requests that come on a spoke."""
@@ -54,6 +59,7 @@ class ForeignHost:
         self._like: dict[str, str] = {}
         self._kinds: dict[str, Raw] = {}
         self._compiled: Compiled | None = None
+        self._entered = time.perf_counter_ns()
 
     def compile(self) -> Compiled:
         """Return the binding compiled for the types that are known by now. Raises BadRequest if it does not fit."""
@@ -84,6 +90,16 @@ class ForeignHost:
         self.stop(list(self.running))
         self.graph.close()
 
+    def tell_time(self) -> None:
+        """Say on /clock how long the tester has been here, from 1 s on: 0 means that there is no time yet."""
+        made: Any = self.graph.types.create(_CLOCK)
+        made.clock.sec, made.clock.nanosec = divmod(
+            time.perf_counter_ns() - self._entered + 1_000_000_000, 1_000_000_000
+        )
+        end = self.graph.publish("/clock", _CLOCK, queue=10, latch=False)
+        if end is not None:
+            end.send(self.graph.types.packed(made))
+
     # Processes.
 
     def start(self, slots: list[Slot]) -> None:
@@ -97,7 +113,8 @@ class ForeignHost:
             env = {**os.environ, **self.graph.environment, **dict(node.env)}
             log = self.folder / f"{file_name(slot.name)}.log"
             command = (*node.command, *self.graph.arguments(slot))
-            process = KeptProcess(slot.name, command, node.cwd, env, log)
+            priority = NODE_PRIORITY if node.realtime else 0
+            process = KeptProcess(slot.name, command, node.cwd, env, log, priority=priority)
             self.running[slot.name] = slot, process
             self.graph.watch(process.descriptor, functools.partial(self._look, process))
         for slot in fresh:
@@ -148,7 +165,26 @@ class ForeignHost:
             else:
                 hear = functools.partial(self._heard, spoke.address)
                 self._listeners[spoke.address] = self.graph.subscribe(spoke.address, spoke.type, hear)
+        for goal in (one for one in self.binding.channels if one.action == "goal"):
+            client, server = (self.binding.process_of(end) for end in self.binding.ends(goal.name))
+            if client is not None and all(slot.node is not server for slot in slot_plan.slots):
+                self._attach_rest(goal)
         self.graph.spin(0)
+
+    def _attach_rest(self, goal: BoundChannel) -> None:
+        """Offer what is not bound of an action that no node serves: its clients wait until all of it is there."""
+        front, base = goal.address.rpartition("/")[0], goal.type.removesuffix("_SendGoal")
+        bound = {one.address for one in self.binding.channels}
+        done = self.graph.types.packed(self.graph.types.create("action_msgs/CancelGoalResponse"))
+        for end, kind in ((end, kind.format(base)) for end, kind in (STATUS, *(one[:2] for one in WIRE.values()))):
+            address = f"{front}/{end}"
+            if address in bound:
+                continue
+            if end in ("status", "feedback"):
+                self.graph.publish(address, kind, queue=1, latch=False)
+            else:
+                answer = done if end == "cancel_goal" else None
+                self.graph.serve(address, kind, lambda data, reply, answer=answer: reply(answer))  # type: ignore[misc]
 
     def detach(self) -> None:
         """Hear nothing; calls are refused."""

@@ -39,24 +39,26 @@ def plain_text(line: str) -> str:
 class KeptProcess:
     """A process that a command started, with everything that it starts itself.
 
-    Raises HostFailure if it cannot be started.
+    With a `priority` it runs in the real-time class, where that is allowed. Raises HostFailure if it cannot be started.
     """
 
     def __init__(self, name: str, command: Sequence[str], cwd: Path, env: Mapping[str, str], log: Path,
-                 folder: str = "") -> None:  # fmt: skip
+                 folder: str = "", priority: int = 0) -> None:  # fmt: skip
         self.name, self.command, self.log = name, tuple(command), log
         self.pid = 0
         self.status: int | None = None
         """How it ended: its exit status, negative for a signal; None while it lives."""
         self.ended = 0
         """When it ended [ns of the monotonic clock]."""
+        self.rule = "SCHED_OTHER"
+        """Under which rule of scheduling it was started."""
         self.was_killed = False
         """Whether it did not end when asked."""
         self._heard = b""
         self._failed = ""
         self.descriptor, other = os.pipe()
         os.set_blocking(self.descriptor, False)
-        words = [sys.executable, "-I", "-S", _KEEPER, str(os.getpid()), str(other), folder, *command]
+        words = [sys.executable, "-I", "-S", _KEEPER, str(os.getpid()), str(other), folder, str(priority), *command]
         try:
             with log.open("ab") as output:
                 self._begin = output.tell()
@@ -95,6 +97,8 @@ class KeptProcess:
                 match line.decode(errors="replace").split(" ", 1):
                     case "pid", pid:
                         self.pid = int(pid)
+                    case "rule", rule:
+                        self.rule = rule
                     case "failed", why:
                         self._failed = why
                     case "ended", how:

@@ -1,9 +1,10 @@
 """Runs a command, writes how it ends to a pipe, and lets nothing of it outlive the tester.
 
-Run as a file: `process_keeper.py PARENT DESCRIPTOR FOLDER COMMAND ARGUMENT...`; FOLDER, unless empty, is removed if the
-parent ends first. It adopts what the command leaves behind, so that a node that starts others, or that a shell script
-starts, goes with all it has started. It watches a pidfd: the death signal of the system would come as soon as the
-*thread* that started it ends, and a pipe stays open in forked siblings.
+Run as a file: `process_keeper.py PARENT DESCRIPTOR FOLDER PRIORITY COMMAND ARGUMENT...`; FOLDER, unless empty, is
+removed if the parent ends first; PRIORITY, unless 0, is that of SCHED_FIFO under which the command is to run. It adopts
+what the command leaves behind, so that a node that starts others, or that a shell script starts, goes with all it has
+started. It watches a pidfd: the death signal of the system would come as soon as the *thread* that started it ends, and
+a pipe stays open in forked siblings.
 """
 
 from __future__ import annotations
@@ -34,6 +35,15 @@ def _run(command: list[str], say: int) -> None:
     os._exit(127)
 
 
+def _enter_real_time(priority: int) -> str:
+    """Return under which rule this process runs from now on: the child takes it over, with all its threads."""
+    if priority:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            return f"SCHED_FIFO {priority}"
+    return "SCHED_OTHER"
+
+
 def _children() -> list[int]:
     with contextlib.suppress(OSError):
         listed = Path(f"/proc/self/task/{os.getpid()}/children").read_text()
@@ -58,11 +68,11 @@ def _end_all() -> None:
 # A process tree as the keeper sees it; whatever loses its parent below becomes the keeper's own child:
 #
 #   tester --starts--> keeper (subreaper) --fork--> command (group of its own) --> what it starts
-#      ^ pidfd            |  pipe: pid, failed, ended
+#      ^ pidfd            |  pipe: rule, pid, failed, ended
 #      '-- watched by ----'
 def main(arguments: list[str]) -> None:
     """Keep the command for as long as PARENT lives."""
-    parent, say, folder, *command = arguments
+    parent, say, folder, priority, *command = arguments
     tester = os.pidfd_open(int(parent))
     if os.getppid() != int(parent):  # it has already ended
         return
@@ -71,9 +81,13 @@ def main(arguments: list[str]) -> None:
     ctypes.CDLL(None).prctl(_CHILD_SUBREAPER, 1)
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    rule = _enter_real_time(int(priority))
     child = os.fork()
     if child == 0:
         _run(command, pipe)
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.write(pipe, f"rule {rule}\n".encode())
     process = os.pidfd_open(child)
     os.write(pipe, f"pid {child}\n".encode())
     waiting = {tester, process}

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import cast
 
 from parcours.errors import HostFailure
-from parcours.run.binding.passing import BEGINS, STALLED
+from parcours.run.binding.passing import BEGINS, SCHEDULED, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.faults import FaultPlan
@@ -51,6 +51,7 @@ class Session:
         relay: where messages pass.
         deaths: component, as traces call it, -> how it ended.
         begin: when the run began [ns since the epoch].
+        is_clock_held: whether /clock stands, so that a node has nothing to do but with what it was given.
         case_began: when the nodes were ready [ns since the run began]; -1 before.
     """
 
@@ -69,6 +70,7 @@ class Session:
         self._line = -1
         self._faults = faults or FaultPlan(0)
         self._lost: dict[str, int] = {}
+        self.is_clock_held = False
         self._over = threading.Event()
         self._pinging: threading.Thread | None = None
         components = [component for node in host.binding.nodes for component in node.components]
@@ -91,6 +93,8 @@ class Session:
         self.host.graph.spin(0)
         self.host.attach(self.slot_plan, self.relay.heard, self.relay.asked)
         self._listen_to_machine()
+        if self.host.binding.clock:
+            self._tick()
         self.readiness = Readiness(self.host, self.slot_plan, self.relay, self.now)
         self.host.stop([name for name, (_, process) in self.host.running.items() if not process.is_alive])
         while not self.readiness.looks() or self.readiness.startable():
@@ -107,9 +111,18 @@ class Session:
         self._watch_others()
         self.case_began = self.relay.case_began = self.now()
         self.relay.note(BEGINS)
+        for slot, process in self._processes():
+            for component in slot.node.components if slot.node.realtime else ():
+                self.relay.note(SCHEDULED + process.rule, slot.component(component))
         for slot in self.slot_plan.slots:
             for component in slot.node.components:
                 self._next_signal(slot, component, signals(self._faults, component))
+
+    def _tick(self) -> None:
+        """Say what time it is, and go on doing so."""
+        if not self.is_clock_held:
+            self.host.tell_time()
+        self.relay.agenda.at(self.now() + round(self.host.binding.clock * 1e9), self._tick)
 
     def _listen_to_machine(self) -> None:
         self._line, other = os.pipe()

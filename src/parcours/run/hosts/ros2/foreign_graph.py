@@ -74,6 +74,7 @@ class Ros2Graph:
         self._callers: dict[str, ServiceCaller] = {}
         self._served: set[str] = set()
         self._looked = 0
+        self._is_new = True
         self._poll = select.poll()
         self._watched: dict[int, Callable[[], None]] = {}
         self._closing = contextlib.ExitStack()
@@ -98,8 +99,11 @@ class Ros2Graph:
         self._closing.close()
 
     def renew(self) -> None:
-        """Join the graph again."""
+        """Join the graph again, unless nothing has been done on it yet."""
         self.refusals.clear()
+        if self._is_new:
+            self._is_new = False
+            return
         for table in (self._ends, self._callers, self._served):
             table.clear()
         self.participant.close()

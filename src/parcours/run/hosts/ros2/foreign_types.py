@@ -13,6 +13,9 @@ from parcours.run.hosts.ros2.building import built
 from parcours.run.hosts.ros2.participant import require_rclpy
 from parcours.run.recording import Raw
 
+_OF_ACTION = re.compile(r"(?P<action>.+?)_?(?P<part>Goal|Result|Feedback|FeedbackMessage)")
+"""A part of an action: of its class, `a_msgs/Go_Goal` as definitions name it, `a_msgs/GoGoal` as bindings do."""
+
 _HALVES = ("Request", "Response")
 _WORDS = {"float": "float32", "double": "float64", "boolean": "bool", "octet": "byte"}
 """Types whose names in generated classes are those of IDL, as .msg files name them."""
@@ -52,8 +55,11 @@ class Ros2Types:
     def find(self, name: str) -> Any:
         """Return the class of a message, of half a service (`nav_msgs/GetPlanRequest`) or an action's goal, or None."""
         found = _imported(name, "msg")
-        if found is None and name.endswith("Goal"):
-            found = getattr(self.action(name.removesuffix("Goal")), "Goal", None)
+        action = _OF_ACTION.fullmatch(name)
+        if found is None and action is not None:
+            kind = self.action(action["action"])
+            of_impl = action["part"] == "FeedbackMessage"
+            found = getattr(kind and kind.Impl if of_impl else kind, action["part"], None)
         for half in _HALVES:
             if found is None and name.endswith(half):
                 found = getattr(self.service(name.removesuffix(half)), half, None)
@@ -61,6 +67,10 @@ class Ros2Types:
 
     def service(self, name: str) -> Any:
         """Return the class of a service; None if it is unknown."""
+        action, _, part = name.rpartition("_")
+        if part in ("SendGoal", "GetResult"):
+            kind = self.action(action)
+            return kind and getattr(kind.Impl, f"{part}Service")
         return _imported(name, "srv")
 
     def action(self, name: str) -> Any:
@@ -75,7 +85,9 @@ class Ros2Types:
                 return None
             package, _, base = name.partition("/")
             said = f"{package}/msg/{base}"
-            if found.__module__.startswith(f"{package}.srv"):
+            if found.__module__.startswith(f"{package}.action"):
+                said = f"{package}/action/{found.__name__}"
+            elif found.__module__.startswith(f"{package}.srv"):
                 half = next(one for one in _HALVES if base.endswith(one))
                 said = f"{package}/srv/{base.removesuffix(half)}_{half}"
             self._kinds[name] = Raw(said, "", self._definition(name), b"", "cdr")

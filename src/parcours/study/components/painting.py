@@ -1,0 +1,113 @@
+"""Paints the machines of a study by what became of the cases that took their transitions: a drawing and a table."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from parcours.abtc import MARK
+from parcours.model.picture import Paint, PaintState, to_svg
+from parcours.model.structure import Machine
+from parcours.report.pieces import Cell, Column, Figure, Marked, Piece, Table, Tone, plain_anchor
+
+if TYPE_CHECKING:
+    from parcours.study.components.results import ComponentResult
+    from parcours.study.components.study import ComponentStudy
+
+Place = tuple[str, str]  # a component and the id of a transition of it
+
+_TONES: dict[PaintState, Tone] = {"covered": "good", "uncovered": "poor", "infeasible": "neutral", "failing": "bad"}
+_NAMED = 5  # cases that took a transition
+_EXPECTED = re.compile(r"event \d+, ([^#\s]+)#\d+: expected (\S+?),")  # as the order of a case is found broken
+
+
+@dataclass(slots=True)
+class Taken:
+    """What became of the cases that took a transition."""
+
+    passed: int = 0
+    failed: int = 0
+    failing: list[str] = field(default_factory=list)  # ids, the first of them
+    passing: list[str] = field(default_factory=list)
+    broke: bool = False  # whether a case was to take it and did not
+
+
+def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mapping[Place, Taken]:
+    """Return what became of the functional cases that were to take each transition; a passing case has taken it."""
+    found: dict[Place, Taken] = {}
+    cases: dict[str, list[ComponentResult]] = {}
+    for one in results:
+        if not one.bound and one.verdict != "inconclusive":
+            cases.setdefault(one.id.split("/")[1].partition(MARK)[0], []).append(one)
+    for abstract, mine in cases.items():
+        if abstract not in study.abstracts:
+            continue
+        verdicts = Counter(one.verdict == "pass" for one in mine)
+        named = {good: [one.id for one in mine if (one.verdict == "pass") is good][:_NAMED] for good in (True, False)}
+        for place in {(event.component, event.transition) for event in study.order_of(abstract)}:
+            at = found.setdefault(place, Taken())
+            at.passed += verdicts[True]
+            at.failed += verdicts[False]
+            at.passing += named[True][: _NAMED - len(at.passing)]
+            at.failing += named[False][: _NAMED - len(at.failing)]
+        for one in mine:
+            broken = _EXPECTED.search(one.why) if one.verdict != "pass" else None
+            if broken and (broken[1], broken[2]) in found:
+                found[broken[1], broken[2]].broke = True
+    return found
+
+
+def machine_pieces(study: ComponentStudy, results: Sequence[ComponentResult], where: str) -> list[Piece]:
+    """Return every machine, painted, and a table of its transitions with the cases that took them."""
+    if all(one.bound for one in results):
+        return []
+    taken = taken_by(study, results)
+    pieces: list[Piece] = []
+    rows: list[tuple[Cell, ...]] = []
+    anchors: list[str] = []
+    for component in study.model.components:
+        for machine in component.machines:
+            painted: dict[str, Paint] = {}
+            for one in machine.transitions:
+                at = taken.get((component.name, one.id), Taken())
+                state = _state(at, (component.name, one.id) in study.untaken)
+                anchor = f"taken_{plain_anchor(f'{where} {component.name} {one.id}')}"
+                painted[one.id] = Paint(state, f"{state}, {at.passed} passed, {at.failed} failed", anchor)
+                first = at.failing[0] if at.failing else ""
+                rows.append((
+                    component.name, one.id, f"{one.source} \N{RIGHTWARDS ARROW} {one.target}",
+                    Marked(state, _TONES[state]), at.passed, at.failed,
+                    Marked(first, "bad", link=f"case_{plain_anchor(f'functional/{first}')}") if first else "",
+                    ", ".join([*at.failing[1:], *at.passing][:_NAMED]),
+                ))  # fmt: skip
+                anchors.append(anchor)
+            title = component.name if len(component.machines) == 1 else f"{component.name}: {machine.name}"
+            said = ", ".join(f"{id} {paint.words}" for id, paint in painted.items())
+            pieces.append(Figure(title, _drawing(machine, title, painted), f"State machine of {title}: {said}"))
+    columns = (
+        Column("component"), Column("transition", code=True), Column("from \N{RIGHTWARDS ARROW} to"), Column("state"),
+        Column("passed", ",d", group="cases"), Column("failed", ",d", group="cases"),
+        Column("first failing case", code=True), Column("other cases", code=True),
+    )  # fmt: skip
+    note = (
+        "*Covered*: a case that passed took it. *Failing*: a case was to take it and did not, or no case that was to "
+        "take it passed. *Infeasible*: no values let any case take it. *Uncovered*: no case was to take it."
+    )
+    counts = Counter(str(row[3].value) for row in rows if isinstance(row[3], Marked))
+    title = f"Transitions, {where}: {', '.join(f'{counts[state]} {state}' for state in _TONES if counts[state])}"
+    return [*pieces, Table(title, columns, tuple(rows), note, anchors=tuple(anchors))]
+
+
+def _drawing(machine: Machine, title: str, painted: Mapping[str, Paint]) -> Callable[[], str]:
+    return lambda: to_svg(machine, title, painted)
+
+
+def _state(at: Taken, infeasible: bool) -> PaintState:
+    if at.broke or (at.failed and not at.passed):
+        return "failing"
+    if at.passed:
+        return "covered"
+    return "infeasible" if infeasible else "uncovered"

@@ -1,0 +1,58 @@
+"""Real time for foreign nodes: given where it is allowed, and the rule under which they run is known."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from parcours.run.hosts.foreign.process import KeptProcess
+from parcours.run.hosts.scheduling import NODE_PRIORITY, real_time
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours_navigation.foreign.judging import Judged
+from parcours_navigation.foreign.results import Result, tables
+
+_STARTED = """
+import os, sys
+from pathlib import Path
+from parcours.run.hosts.foreign.process import KeptProcess
+one = KeptProcess("one", ["sleep", "60"], Path("/"), dict(os.environ), Path(sys.argv[1]), priority=9)
+one.await_start()
+print(one.rule, os.sched_getscheduler(one.pid))
+one.end(0.0)
+"""
+
+
+def test_a_node_runs_in_real_time_where_that_is_allowed_and_its_keeper_does_not(tmp_path: Path) -> None:
+    with real_time() as rule:
+        pass
+    if not rule.startswith("SCHED_FIFO"):
+        pytest.skip("real time is not allowed here")
+    one = KeptProcess("one", ["sleep", "60"], tmp_path, dict(os.environ), tmp_path / "log", priority=NODE_PRIORITY)
+    try:
+        one.await_start()
+        keeper = int(Path(f"/proc/{one.pid}/stat").read_text().rpartition(")")[2].split()[1])
+        assert (one.rule, os.sched_getscheduler(one.pid)) == (f"SCHED_FIFO {NODE_PRIORITY}", os.SCHED_FIFO)
+        assert os.sched_getscheduler(keeper) == os.SCHED_OTHER
+    finally:
+        one.end(0.0)
+
+
+def test_a_node_runs_all_the_same_where_it_is_not_allowed(tmp_path: Path) -> None:
+    words = ["setpriv", "--bounding-set=-sys_nice"] if os.geteuid() == 0 else ["prlimit", "--rtprio=0"]
+    said = subprocess.run([*words, sys.executable, "-c", _STARTED, str(tmp_path / "log")], capture_output=True,
+                          text=True, check=True)  # fmt: skip
+    assert said.stdout.split() == ["SCHED_OTHER", str(os.SCHED_OTHER)]
+
+
+def test_the_report_names_who_did_not_get_it() -> None:
+    judged = Judged(
+        Judgement(Verdict.PASS, "well"), scheduling=(("Planner#0", "SCHED_OTHER"), ("Eyes", "SCHED_FIFO 9"))
+    )
+    [_, table] = tables([Result("a/0", "abstract", judged, 1.0)])
+    assert [(row[0], row[2], str(row[3])[:16]) for row in table.rows] == [
+        ("Eyes", 1, ""), ("Planner", 1, "not allowed here"),
+    ]  # fmt: skip

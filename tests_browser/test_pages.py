@@ -1,0 +1,182 @@
+"""Reports in a real browser: Debian's Chromium, driven by Playwright.
+
+One browser for all; each view is looked at as on a phone and on a desk, for what a reader would stumble over.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Dialog, sync_playwright
+from playwright.sync_api import Page as Tab
+
+from parcours.report.page import to_html
+from parcours.report.pieces import Page
+from parcours.study.finding import find
+from parcours.study.parameters import settings_of
+from parcours.study.protocol import Request
+from parcours.study.reporting import report_page
+from whole_page import HOSTILE, whole_page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+EXAMPLES = Path(__file__).parents[1] / "examples"
+CUT = """[...document.querySelectorAll(innerWidth < 700 ? '.cases' : 'main table')]
+    .filter((table) => table.scrollWidth > table.parentElement.clientWidth + 1).length"""
+SMALL = """[...document.querySelectorAll('.chart text')]
+    .filter((text) => text.textContent && text.getBoundingClientRect().height < 8).length"""
+MOVED = "(start) => Number(document.querySelector('figure.replay:target input[type=range]').value) > start"
+SIZES = {"phone": (390, 844), "desk": (1280, 900)}
+
+
+def reported(where: str, n_cases: int, folder: Path) -> Page:
+    """The report on a short run of a study."""
+    study = find(where)
+    study.run(Request(settings_of(study.parameters, {}, where), 1, folder, n_cases), lambda *_: None)
+    return report_page([(study, {str(folder): study.read(folder)})])
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Addresses of pages: with every piece and hostile words, of a campaign, of components, of a robot with replays."""
+    folder = tmp_path_factory.mktemp("views")
+    pages = {
+        "hostile": whole_page(HOSTILE),
+        "campaign": reported(str(EXAMPLES / "parking"), 60, folder / "parking"),
+        "components": reported(str(EXAMPLES / "lift"), 12, folder / "lift"),
+        "robot": reported("ramp_system", 12, folder / "ramp"),
+    }
+    for name, page in pages.items():
+        (folder / f"{name}.html").write_text(to_html(page), encoding="utf-8")
+    return {name: (folder / f"{name}.html").as_uri() for name in pages}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as engine:
+        started = engine.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+class Visit:
+    """A page opened in the browser, and what its console said."""
+
+    def __init__(self, browser: Browser, address: str, size: str = "desk", **options: Any) -> None:
+        width, height = SIZES[size]
+        context = browser.new_context(viewport={"width": width, "height": height}, **options)
+        self.tab: Tab = context.new_page()
+        self.said: list[str] = []
+        self.tab.on("console", lambda message: self.said.append(message.text))
+        self.tab.on("pageerror", lambda error: self.said.append(str(error)))
+        self.tab.on("dialog", self._refuse)
+        self.tab.goto(address)
+
+    def _refuse(self, dialog: Dialog) -> None:
+        self.said.append(dialog.message)
+        dialog.dismiss()
+
+    def __enter__(self) -> Tab:
+        return self.tab
+
+    def __exit__(self, *error: object) -> None:
+        self.tab.context.close()
+        assert error[0] is not None or not self.said, self.said
+
+
+@pytest.mark.parametrize("view", ["hostile", "campaign", "components", "robot"])
+def test_a_view_is_quiet_fits_its_screen_and_has_no_violation_of_axe(
+    view: str, browser: Browser, views: dict[str, str]
+) -> None:
+    for size, scheme in (("phone", "dark"), ("desk", "light")):
+        with Visit(browser, views[view], size, color_scheme=scheme, bypass_csp=True) as tab:
+            width = SIZES[size][0]
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width, f"{size}: the page scrolls sideways"
+            assert tab.evaluate(CUT) == 0, f"{size}: a column of a table is cut"
+            assert tab.evaluate(SMALL) == 0, f"{size}: text of a chart is too small to read"
+
+            found = Axe().run(tab)
+            assert found.violations_count == 0, found.generate_report()[:3000]
+
+
+def test_filters_filter_sorting_sorts_and_a_link_shows_its_case(browser: Browser, views: dict[str, str]) -> None:
+    with Visit(browser, views["hostile"]) as tab:
+        cases = tab.locator(".cases")
+        shown = cases.locator("tbody tr[id]:visible")
+        assert shown.count() == 6
+        tab.get_by_label("Verdict").select_option("error")
+        assert shown.count() == 2 and "2 of 6 shown" in tab.locator(".controls output").inner_text()
+        tab.get_by_label("Verdict").select_option("")
+        tab.get_by_label("Cause").select_option("cause_2")
+        assert shown.count() == 1
+        tab.get_by_label("Cause").select_option("")
+        tab.get_by_label("Search").fill("/3")
+        assert shown.count() == 1
+
+        tab.get_by_label("Search").fill("")
+        figures = cases.locator("tbody").first.locator("td[data-head]")
+        head = cases.get_by_role("button", name="figure")
+        head.press("Enter")  # by keyboard
+        assert figures.all_inner_texts() == ["−10.0", "−2.5", "9.0", "10.0", "–"]
+        head.click()
+        assert figures.all_inner_texts() == ["10.0", "9.0", "−2.5", "−10.0", "–"]
+        assert cases.locator("th[aria-sort=descending]").count() == 1
+
+        wanted = cases.locator("tr[id]").nth(1)
+        anchor = wanted.get_attribute("id")
+        tab.get_by_label("Search").fill("nothing has this")
+        assert shown.count() == 0
+        tab.evaluate("(anchor) => { location.hash = anchor; }", anchor)
+        tab.wait_for_function("document.querySelectorAll('.cases details[open]').length === 1")
+        assert wanted.is_visible() and wanted.locator("details code").is_visible()
+
+
+def test_a_table_is_saved_as_csv_and_a_figure_as_svg(browser: Browser, views: dict[str, str], tmp_path: Path) -> None:
+    with Visit(browser, views["hostile"]) as tab:
+        with tab.expect_download() as table:
+            tab.locator(".failures .save").click()
+        table.value.save_as(tmp_path / "cases.csv")
+        head, first, *rest = csv.reader(io.StringIO((tmp_path / "cases.csv").read_text(encoding="utf-8")))
+        assert head == ["case", "verdict", "why", "figure [m]", "again", "cause"] and len(rest) == 5
+        assert first == [f"{HOSTILE}/0", "fail", f"{HOSTILE} 0", "10.0", HOSTILE, HOSTILE]
+        with tab.expect_download() as drawing:
+            tab.locator("figure .save").first.click()
+        drawing.value.save_as(tmp_path / "figure.svg")
+        assert (
+            (tmp_path / "figure.svg").read_text(encoding="utf-8").startswith('<svg xmlns="http://www.w3.org/2000/svg"')
+        )
+        tab.goto((tmp_path / "figure.svg").as_uri())
+        assert tab.locator("svg desc").count() == 1
+
+
+def test_a_replay_plays_and_a_failing_case_leads_to_it(browser: Browser, views: dict[str, str]) -> None:
+    with Visit(browser, views["robot"]) as tab:
+        tab.locator(".cases").get_by_role("link", name="replay").first.click()
+        replay = tab.locator("figure.replay:target")
+        assert replay.is_visible()
+        start = float(replay.get_by_label("Time").input_value())
+        replay.get_by_role("button", name="Play").click()
+        tab.wait_for_function(
+            "(start) => Number(document.querySelector('figure.replay:target input[type=range]').value) > start",
+            arg=start,
+        )
+        replay.get_by_role("button", name="Pause").click()
+        assert "clearance" in replay.locator("output").inner_text()
+
+
+def test_paper_shows_everything_and_no_controls(browser: Browser, views: dict[str, str]) -> None:
+    with Visit(browser, views["hostile"]) as tab:
+        tab.emulate_media(media="print")
+        tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert tab.locator("details.piece:not([open])").count() == 0
+        for control in ("nav", ".controls", ".save", ".player"):
+            assert tab.locator(f"{control}:visible").count() == 0, control
+        assert tab.locator("figure.replay .still svg").first.is_visible()
+        assert tab.evaluate("getComputedStyle(document.querySelector('thead')).display") == "table-header-group"
+        assert len(tab.pdf(format="A4")) > 10_000
