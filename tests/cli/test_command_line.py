@@ -182,7 +182,7 @@ def test_a_campaign_is_run_judged_resumed_and_replayed(tmp_path: Path) -> None:
     assert 'classname="ramp_system" name="together-' in (tmp_path / "r.xml").read_text()
     assert "ramp_system/" in parcours("replay", out, 4, "--html", tmp_path / "case.html")
     assert "0 .. 8" in parcours("replay", out, 9, "--html", tmp_path / "case.html", code=2)
-    shard = next(out.glob("shard-*.bin"))
+    shard = next(out.glob("shard-*.parquet"))
     shard.write_bytes(shard.read_bytes()[:-100])
     assert "cut short" in parcours("report", out, code=2)
 
@@ -211,7 +211,7 @@ def test_a_demo_that_is_refused_leaves_the_report_that_is_there(tmp_path: Path) 
 def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "results"
     parcours("run", "ramp_system", "--cases", "128", "--workers", "1", "--out", out, code=1)
-    first, second = out / "shard-000000.bin", out / "shard-000001.bin"
+    first, second = out / "shard-000000.parquet", out / "shard-000001.parquet"
     sum_of_second = Path(f"{second}.sha256")
     kept = second.read_bytes(), sum_of_second.read_bytes()
     sum_of_second.unlink()

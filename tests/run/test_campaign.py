@@ -117,7 +117,7 @@ def test_a_campaign_killed_in_the_middle_resumes_to_the_bytes_of_an_uninterrupte
         assert process.wait() == -signal.SIGKILL
         missing = open_results(folder).missing()
         assert missing, "the campaign was over before it could be killed"
-        (folder / ".shard-000009.bin.partial").touch()  # no name of ours: must not disturb
+        (folder / ".shard-000009.parquet.partial").touch()  # no name of ours: must not disturb
         with pytest.raises(BadResults, match="results-unfinished"):
             open_results(folder).load()
         run_campaign("toy_campaign_study:simulate", campaign(), folder, progress=told)
@@ -134,7 +134,7 @@ def unshared(script: str) -> subprocess.CompletedProcess[str]:
     reason="a file system of one's own cannot be mounted here",
 )
 @pytest.mark.parametrize(
-    ("limit", "says"), [("size=64k", "No space left"), ("size=1m,ro", "Read-only"), ("", "No such")]
+    ("limit", "says"), [("size=32k", "No space left"), ("size=1m,ro", "Read-only"), ("", "No such")]
 )
 def test_a_full_disk_a_read_only_one_and_a_removed_folder_end_a_run_with_the_reason(
     tmp_path: Path, limit: str, says: str
@@ -270,10 +270,12 @@ def test_a_damaged_shard_is_refused_by_name_and_the_same_command_heals_it(tmp_pa
             (folder / "aside").rename(other)
     else:
         damage(store.path(3), how)
-    with pytest.raises(BadResults, match=r"shard-000003.bin.*SHA-256.*again.*\[shard-damaged\]"):
+    with pytest.raises(BadResults, match=r"shard-000003.parquet.*SHA-256.*again.*\[shard-damaged\]"):
         open_results(folder).load()
     again = run_campaign(simulate, campaign(), folder)
-    assert again.repaired == ((3, 5) if how == "swap" else (3,)) and "computed again: shard-000003.bin" in str(again)
+    assert again.repaired == ((3, 5) if how == "swap" else (3,)) and "computed again: shard-000003.parquet" in str(
+        again
+    )
     assert contents(folder) == whole
 
 

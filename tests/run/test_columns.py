@@ -14,7 +14,7 @@ from parcours.run.columns import pack, unpack
 from parcours.run.converting import convert
 from parcours.run.manifest import Campaign, write_manifest
 from parcours.run.stops import Stop, read_stop
-from parcours.run.store import Rows, open_results
+from parcours.run.store import Rows, create, open_results
 
 DTYPE = np.dtype([
     ("number", "<i8"), ("flag", "?"), ("word", "S5"), ("inner", [("x", "<f8"), ("ys", "<f4", (2, 3)), ("z", "<f8")]),
@@ -95,3 +95,19 @@ def test_a_damaged_former_shard_is_refused_and_left_where_it_is(tmp_path: Path) 
     with pytest.raises(BadResults, match=r"shard-000001.npy.*\[shard-damaged\]"):
         convert(tmp_path / "f")
     assert shard.exists() and (tmp_path / "f" / "shard-000000.npy").exists()
+
+
+def test_duckdb_and_pandas_alone_count_what_the_store_holds(tmp_path: Path) -> None:
+    duckdb, pandas = pytest.importorskip("duckdb"), pytest.importorskip("pandas")
+    campaign = Campaign("toy", "plain", 1, 23, DTYPE, shard_size=5)
+    store = create(tmp_path / "f", campaign)
+    for shard in campaign.shards:
+        cases = campaign.cases(shard)
+        store.write(shard, rows(23)[cases.start : cases.stop])
+    shards = tmp_path / "f" / "shard-*.parquet"
+    query = f"SELECT count(*), sum(flag::INT) FROM '{shards}'"  # noqa: S608 -- our own
+    n, flagged = duckdb.sql(query).fetchone()
+    assert (n, flagged) == (23, int(rows(23)["flag"].sum()))
+    frame = pandas.concat(pandas.read_parquet(path) for path in sorted(shards.parent.glob(shards.name)))
+    assert frame["number"].tolist() == list(range(23))
+    assert frame["inner.x"].to_numpy().tobytes() == rows(23)["inner"]["x"].tobytes()

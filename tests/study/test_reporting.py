@@ -39,6 +39,9 @@ class Made:
     def cases(self) -> Sequence[CaseResult]:
         raise AssertionError("a million sentences are not needed")
 
+    def case_verdicts(self) -> Sequence[Verdict]:
+        return self.verdicts
+
     def verdict_counts(self) -> Counter[Verdict]:
         return Counter(self.verdicts)
 

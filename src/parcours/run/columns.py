@@ -61,7 +61,8 @@ def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> 
 
     try:
         file = pq.ParquetFile(pa.BufferReader(content))
-        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != [name for name, _ in _leaves(np.empty(0, dtype))]:
+        names = [name for name, _ in _leaves(np.empty(0, dtype))]
+        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != names:
             raise ValueError(f"{len(rows)} rows of {dtype.itemsize} bytes are expected, but it holds others")
         leaves = dict(_leaves(rows))
         table = file.read(list(leaves), use_threads=False)

@@ -1,4 +1,4 @@
-"""Keeps results in a folder: each shard a file of columns, written once, whole or not at all, with SHA-256.
+"""Keeps results in a folder: each shard a Parquet file, written once, whole or not at all, with SHA-256.
 
 A shard holds the results of consecutive cases, without padding and little-endian: the same rows on any machine
 (`parcours.run.columns`). `campaign.json` says what the shards are results of. A shard is finished when its sum stands.

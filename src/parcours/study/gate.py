@@ -187,7 +187,10 @@ def check_conditions(conditions: Sequence[GateCondition], results: Results) -> l
 
 @runtime_checkable
 class Judged(Protocol):
-    """Results that know how many of their cases have which verdict without making up reasons."""
+    """Results that know the verdicts of their cases without making up reasons."""
+
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, in their order."""
 
     def verdict_counts(self) -> Counter[Verdict]:
         """Return how many of `cases` have each verdict."""

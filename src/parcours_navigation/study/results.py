@@ -79,6 +79,10 @@ class CampaignResults:
         """How its cases ended."""
         return analyse(self.found)
 
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return verdicts(self.found.facts, self.found.requirements)
+
     def verdict_counts(self) -> Counter[Verdict]:
         """Return how many of `cases` have each verdict."""
         return Counter(self.ended.verdicts)

@@ -102,6 +102,10 @@ class SampledCampaign(CampaignResults):
         ]
         return [*super().cases(), *again]
 
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return [*super().case_verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
+
     def verdict_counts(self) -> Counter[Verdict]:
         """Return how many of `cases` have each verdict."""
         return super().verdict_counts() + Counter(Verdict(one["verdict"]) for one in self._sampled.values())

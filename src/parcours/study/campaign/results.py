@@ -52,6 +52,10 @@ class CampaignResults:
             for number, outcome in zip(self.numbers, self.outcomes, strict=True)
         ]
 
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return [one.verdict for one in self.outcomes]
+
     def verdict_counts(self) -> Counter[Verdict]:
         """Return how many of `cases` have each verdict."""
         return Counter(one.verdict for one in self.outcomes)
