@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -95,7 +94,7 @@ class Cluster:
             "import sys, numpy as np\nfrom pathlib import Path\nfrom parcours.errors import ParcoursError\n"
             "from parcours.run.campaign import run_campaign\nfrom parcours.run.store import Campaign\n"
             "D = np.dtype([('case', 'i8'), ('value', 'f8')])\n"
-            "try:\n    print(run_campaign('toy_engine_study:slowly', Campaign('toy', 'plain', 7, 200, D, {'a': 1}, 5),\n"
+            "try:\n    print(run_campaign('toy_engine_study:slowly',\n                       Campaign('toy', 'plain', 7, 200, D, {'a': 1}, 5),\n"
             "                       Path(sys.argv[1]), address=sys.argv[2]))\n"
             "except ParcoursError as error:\n    print(error)\n"
         )

@@ -112,4 +112,5 @@ def _unpacked(array: pyarrow.Array, like: NDArray[Any]) -> NDArray[Any]:
         found = np.array(flat.to_pylist(), like.dtype)
     else:
         found = np.frombuffer(b"".join(flat.to_pylist()), like.dtype)
-    return found.reshape(like.shape)
+    shaped: NDArray[Any] = found.reshape(like.shape)
+    return shaped

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from parcours.errors import BadResults, HostFailure
 from parcours.run.atomic import sweep, unwritable, write_atomically
 from parcours.run.columns import pack, unpack
-from parcours.run.manifest import MANIFEST, differences, read_manifest, write_manifest
+from parcours.run.manifest import MANIFEST as MANIFEST
 from parcours.run.manifest import Campaign as Campaign
+from parcours.run.manifest import differences, read_manifest, write_manifest
 from parcours.run.stops import read_stop
 
 _PART = 8192  # cases that are read together at least: small enough for a cache, large enough for NumPy
