@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, cast, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.run.atomic import sweep
@@ -23,7 +23,7 @@ from parcours.run.keeping import Keeping
 from parcours.run.limiting import limited
 from parcours.run.raised import described
 from parcours.run.stops import STOP, Stop, read_stop
-from parcours.run.store import Campaign, Rows, Store, create, open_results
+from parcours.run.store import Campaign, Rows, Store, create
 from parcours.run.strangers import Simulate, computed, lost_before, resolve
 from parcours.run.workers import Crew, Done, Lost, failure_of
 
@@ -79,7 +79,7 @@ class Outcome:
 
 def run_campaign(
     simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
-    enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None, address: str = "",
+    enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None,
 ) -> Outcome:  # fmt: skip
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C, SIGTERM or SIGHUP ends it early.
 
@@ -100,8 +100,6 @@ def run_campaign(
         rules: in words what `enough` goes by; where a folder was begun by others, it may end beyond its shards only.
         max_time: ends the campaign after so much time [s of wall clock], with the first shards that are finished; None:
             never.
-        address: of a Dask scheduler, whose workers then compute the shards and write them into the folder, which must
-            be theirs, too; see `parcours.run.engine`.
 
     Raises:
         BadRequest: a count is out of range, `simulate` cannot be found or sent, or the folder cannot be
@@ -125,13 +123,13 @@ def run_campaign(
     with claimed(folder):
         damaged = store.damaged()
         store.discard(damaged)
-        outcome = _run(function, task, store, workers, progress, enough, tuple(rules), max_time, address)
+        outcome = _run(function, task, store, workers, progress, enough, tuple(rules), max_time)
     return replace(outcome, repaired=damaged)
 
 
 def _run(
     function: Simulate, sent: Simulate | str, store: Store, workers: int, progress: Progress | None,
-    enough: Enough | None, rules: tuple[str, ...], max_time: float | None, address: str,
+    enough: Enough | None, rules: tuple[str, ...], max_time: float | None,
 ) -> Outcome:  # fmt: skip
     folder, campaign = store.folder, store.campaign
     order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, rules))
@@ -139,17 +137,16 @@ def _run(
     finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
     report = progress or (lambda done, total: None)
     report(finished, campaign.n_cases)
-    shards: Generator[int, None, None]
-    if address and missing:
-        from parcours.run.engine import launch
+    task = _ComputeShard(sent, store)
 
-        shards = launch(_ComputeElsewhere(sent, store), missing, address, store.name)
-    else:
-        shards = _done(function, _ComputeShard(sent, store), missing, workers, store.name)
+    def name(shard: int) -> str:
+        cases = campaign.cases(shard)
+        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
+
     try:
         with (
             terminable(), limited(max_time if missing else None, _TimeIsOver),
-            contextlib.closing(shards) as done,
+            contextlib.closing(_done(function, task, missing, workers, name)) as done,
         ):  # fmt: skip
             for shard in done:
                 finished += len(campaign.cases(shard))
@@ -228,33 +225,6 @@ class _ComputeShard:
         function = resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
         cases = self.store.campaign.cases(shard)
         self.store.write(shard, function(cases.start, len(cases)))
-
-
-@dataclass(frozen=True, slots=True)
-class _ComputeElsewhere:
-    """Computes and writes one shard that is not there yet, in a process of an engine, on any machine."""
-
-    simulate: Simulate | str
-    store: Store
-
-    def __call__(self, shard: int) -> None:
-        store, campaign = self.store, self.store.campaign
-        try:
-            theirs = open_results(store.folder).campaign.digest
-        except BadResults as error:
-            theirs = str(error)
-        if theirs != campaign.digest:
-            rule = f"the folder must be the campaign's on every machine, but a worker finds there: {theirs}"
-            raise BadResults(str(store.folder), rule, "name a folder that all share", slug="engine-folder")
-        if store.has(shard):
-            return
-        cases = campaign.cases(shard)
-        function: object = resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
-        if isinstance(function, RunsStrangers) and function.heartbeat_words:
-            [(_, rows)] = computed(self.simulate, [cases], 1, lambda k: store.name(shard))
-        else:
-            rows = cast(Simulate, function)(cases.start, len(cases))
-        store.write(shard, rows)
 
 
 def _done(

@@ -41,7 +41,6 @@ class Request:
     # `stops = True` only
     until: tuple[str, ...] = ()
     max_time: float | None = None
-    address: str = ""  # of a Dask scheduler whose workers run the cases; of such studies only
 
 
 @dataclass(frozen=True, slots=True)

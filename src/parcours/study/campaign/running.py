@@ -100,7 +100,7 @@ def run_numbered(
     outcome = run_campaign(
         simulate, campaign, folder, workers=workers,  # type: ignore[arg-type]
         progress=lambda done, total: progress(f"{name}, {label}\n{watch.so_far}", done, total),
-        enough=watch, rules=request.until, max_time=request.max_time, address=request.address,
+        enough=watch, rules=request.until, max_time=request.max_time,
     )  # fmt: skip
     write_question(folder, name, where, question)
     return Run(outcome.interrupted, str(outcome))
