@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,12 +117,44 @@ def test_a_campaign_killed_in_the_middle_resumes_to_the_bytes_of_an_uninterrupte
         assert process.wait() == -signal.SIGKILL
         missing = open_results(folder).missing()
         assert missing, "the campaign was over before it could be killed"
-        (folder / ".shard-000009.npy.partial").touch()  # no name of ours: must not disturb
+        (folder / ".shard-000009.parquet.partial").touch()  # no name of ours: must not disturb
         with pytest.raises(BadResults, match="results-unfinished"):
             open_results(folder).load()
         run_campaign("toy_campaign_study:simulate", campaign(), folder, progress=told)
         assert told.call_args_list[0].args[0] > 0 and told.call_args.args == (95, 95)
         assert contents(folder) == contents(whole)
+
+
+def unshared(script: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["unshare", "-rm", "sh", "-c", script], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(
+    not shutil.which("unshare") or unshared("mount -t tmpfs t /mnt").returncode != 0,
+    reason="a file system of one's own cannot be mounted here",
+)
+@pytest.mark.parametrize(
+    ("limit", "says"), [("size=32k", "No space left"), ("size=1m,ro", "Read-only"), ("", "No such")]
+)
+def test_a_full_disk_a_read_only_one_and_a_removed_folder_end_a_run_with_the_reason(
+    tmp_path: Path, limit: str, says: str
+) -> None:
+    script, folder = tmp_path / "go.py", tmp_path / "disk" / "c"
+    folder.mkdir(parents=True)
+    removes = f"\n    if first == 50: shutil.rmtree({str(folder)!r})" if not limit else ""
+    script.write_text(
+        "import shutil, numpy as np\nfrom pathlib import Path\n"
+        "from parcours.run.campaign import run_campaign\nfrom parcours.run.store import Campaign\n"
+        "D = np.dtype([('x', 'f8', (100,))])\n"
+        f"def noise(first, count):{removes}\n"
+        "    return np.frombuffer(np.random.default_rng(first).bytes(count * D.itemsize), D)\n"
+        f"run_campaign(noise, Campaign('toy', 'plain', 7, 950, D, shard_size=10), Path({str(folder)!r}))\n"
+    )
+    mount = f"mount -t tmpfs -o {limit} t {folder.parent} && " if limit else ""
+    done = unshared(f"{mount}{sys.executable} {script}; ls -A {folder} 2>/dev/null")
+    assert f": {says}" in done.stderr and "[folder-unwritable]" in done.stderr.splitlines()[-1]
+    assert "partial" not in done.stdout
+    assert (done.stdout.count(".sha256") > 1) == (says == "No space")  # what was finished is kept
 
 
 def test_a_real_ctrl_c_ends_the_process_in_order_and_leaves_nothing_half_written(study: Path, tmp_path: Path) -> None:
@@ -223,18 +257,25 @@ def damage(path: Path, how: str) -> None:
             path.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
 
 
-@pytest.mark.parametrize("how", ["cut", "empty", "flip"])
-def test_a_damaged_shard_is_refused_by_name_and_its_deletion_heals_it(tmp_path: Path, how: str) -> None:
+@pytest.mark.parametrize("how", ["cut", "empty", "flip", "swap"])
+def test_a_damaged_shard_is_refused_by_name_and_the_same_command_heals_it(tmp_path: Path, how: str) -> None:
     folder = tmp_path / "c"
     store = run_campaign(simulate, campaign(), folder).store
     whole = contents(folder)
-    damage(store.path(3), how)
-    for attempt in (lambda: open_results(folder).load(), lambda: run_campaign(simulate, campaign(), folder)):
-        with pytest.raises(BadResults, match=r"shard-000003.npy.*SHA-256.*delete.*\[shard-damaged\]"):
-            attempt()
-    store.path(3).unlink()
-    store.path(3).with_name("shard-000003.npy.sha256").unlink()
-    run_campaign(simulate, campaign(), folder)
+    if how == "swap":
+        for suffix in ("", ".sha256"):
+            one, other = (folder / f"{store.path(shard).name}{suffix}" for shard in (3, 5))
+            one.rename(folder / "aside")
+            other.rename(one)
+            (folder / "aside").rename(other)
+    else:
+        damage(store.path(3), how)
+    with pytest.raises(BadResults, match=r"shard-000003.parquet.*SHA-256.*again.*\[shard-damaged\]"):
+        open_results(folder).load()
+    again = run_campaign(simulate, campaign(), folder)
+    assert again.repaired == ((3, 5) if how == "swap" else (3,)) and "computed again: shard-000003.parquet" in str(
+        again
+    )
     assert contents(folder) == whole
 
 
@@ -243,6 +284,9 @@ def test_a_shard_whose_sum_fits_but_whose_content_does_not_is_refused(tmp_path: 
     for suffix in ("", ".sha256"):
         target = store.path(9).with_name(store.path(9).name + suffix)
         target.write_bytes(store.path(0).with_name(store.path(0).name + suffix).read_bytes())
+    store.path(9).with_name(store.path(9).name + ".sha256").write_text(
+        f"{hashlib.sha256(store.path(9).read_bytes()).hexdigest()}  {store.path(9).name}\n"
+    )
     with pytest.raises(BadResults, match=r"must hold 5 records.*\[shard-damaged\]"):
         store.load()
 
@@ -268,7 +312,7 @@ def test_a_folder_with_another_campaign_is_refused(tmp_path: Path, other: Campai
 @pytest.mark.parametrize(
     ("change", "slug"),
     [
-        ({"parcours": "campaign/2"}, "results-version"),
+        ({"parcours": "campaign/3"}, "results-version"),
         ({"n_cases": -1}, "results-manifest"),
         ({"n_cases": 10**15}, "results-manifest"),
         ({"dtype": [["a", "|O"]]}, "results-manifest"),

@@ -64,7 +64,7 @@ def test_the_last_case_and_all_bytes_are_the_same_for_any_number_of_workers(stop
 def test_shards_that_a_killed_run_had_computed_beyond_the_end_change_nothing(stopped: Path, tmp_path: Path) -> None:
     run_campaign(Slowly(), CAMPAIGN, tmp_path, rules=RULES)  # by the same rules, which it did not live to ask
     for shard in (0, 2):
-        open_results(tmp_path).path(shard).with_suffix(".npy.sha256").unlink()
+        open_results(tmp_path).path(shard).with_suffix(".parquet.sha256").unlink()
     run_campaign(Slowly(), CAMPAIGN, tmp_path, enough=TenHits(), rules=RULES)
     assert contents(tmp_path) == contents(stopped)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -40,6 +41,9 @@ class Made:
 
     def case_verdicts(self) -> Sequence[Verdict]:
         return self.verdicts
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        return Counter(self.verdicts)
 
     def causes(self) -> Sequence[str]:
         words = {Verdict.PASS: "", Verdict.FAIL: "too near", Verdict.ERROR: "raised", Verdict.INCONCLUSIVE: "unseen"}

@@ -275,7 +275,7 @@ import itertools; sum(itertools.repeat(0))
     "removes its file": ("import os; os.remove(__file__)", SAME),
     "edits its file": ("open(__file__, 'w').write('raise SystemExit')", SAME),
     "deletes the results": ("import glob, os\nfor f in glob.glob(RESULTS + '/shard-*'): os.remove(f)", SAME),
-    "writes into the results": ("import glob\nfor f in glob.glob(RESULTS + '/shard-*.npy'): open(f, 'wb').write(b'x')", SAME),
+    "writes into the results": ("import glob\nfor f in glob.glob(RESULTS + '/shard-*.parquet'): open(f, 'wb').write(b'x')", SAME),
     "writes to all descriptors": ("import os\nfor n in range(3, 40):\n    try: os.write(n, b'x' * 48)\n    except OSError: pass", ANY),
 }  # fmt: skip
 

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 @click.option("--sql", metavar="QUERY", help="What a query of the table `results` gives (DuckDB).")
 @click.option("--parquet", type=PATH, metavar="FILE", help="Write the cases as Parquet.")
 @click.option("--csv", type=PATH, metavar="FILE", help="Write the cases as CSV.")
+@click.option("--convert", is_flag=True, help="First rewrite a campaign that an earlier version kept, in its folder.")
 @click.option("--columns", is_flag=True, help="List the columns, with their units.")
 @named_study
 @as_json
 def command(
     folder: Path, keys: tuple[str, ...], where: str | None, sql: str | None, parquet: Path | None, csv: Path | None,
-    columns: bool, study: str, as_json: bool,
+    convert: bool, columns: bool, study: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Ask the results in FOLDER: rates by start vector, block, planner or any other column, or SQL over all cases.
 
@@ -38,6 +39,11 @@ def command(
     """
     from parcours.study.tabling import read_table
 
+    if convert:
+        from parcours.run.converting import convert as converted
+
+        store = converted(folder)
+        click.echo(f"{len(store.in_order())} shards in {folder} are as this version keeps them", err=True)
     table = read_table(folder, study)
     table = table.where(where) if where else table
     if parquet is not None:

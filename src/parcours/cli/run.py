@@ -115,6 +115,7 @@ def _run(
     from parcours.cli.progress import progress, say_if_cold
     from parcours.cli.verdicts import conclude, tell
     from parcours.errors import BadRequest
+    from parcours.run.campaign import terminable
     from parcours.study import Request
     from parcours.study.gate import parse_condition
     from parcours.study.hosting import isolate
@@ -143,7 +144,7 @@ def _run(
     isolate(str(settings.get("host", "")), str(settings.get("graph", "")))  # before the progress bar starts a thread
     if getattr(study, "compiles", False):
         say_if_cold()
-    with progress() as report:
+    with terminable(), progress() as report:
         outcome = study.run(
             Request(settings, seed, target, n_cases, ids, tuple(one.text for one in rules), max_time), report
         )

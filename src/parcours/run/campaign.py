@@ -57,9 +57,15 @@ class Outcome:
     interrupted: bool
     stopped: str = ""
     """Why no more were computed: a rule is met, or time is over."""
+    repaired: tuple[int, ...] = ()
+    """Shards that were found damaged, and removed."""
 
     def __str__(self) -> str:
-        """Say it in a sentence."""
+        """Say it in a sentence or two."""
+        if self.repaired:
+            names = ", ".join(self.store.path(shard).name for shard in self.repaired[:5])
+            found = f"{len(self.repaired)} damaged shards were removed, to be computed again: {names}"
+            return f"{replace(self, repaired=())}\n{found}{', ...' if len(self.repaired) > 5 else ''}"
         total = self.store.campaign.n_cases
         if self.stopped:
             return f"stopped after {self.finished} cases, kept in {self.store.folder}: {self.stopped}"
@@ -75,9 +81,9 @@ def run_campaign(
     simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
     enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None,
 ) -> Outcome:  # fmt: skip
-    """Compute what is missing of a campaign, and return how far it came.
+    """Compute what is missing of a campaign, and return how far it came. Ctrl-C, SIGTERM or SIGHUP ends it early.
 
-    Ctrl-C, SIGTERM or SIGHUP ends it early.
+    Shards that are damaged count as missing.
 
     A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own,
     and a case in which it hangs or takes its process down costs that case only.
@@ -98,7 +104,7 @@ def run_campaign(
     Raises:
         BadRequest: a count is out of range, `simulate` cannot be found or sent, or the folder cannot be
             written to.
-        BadResults: the folder holds something else, or damaged shards, or another run is writing there.
+        BadResults: the folder holds something else, or another run is writing there.
         HostFailure: `simulate` raised or gave results of the wrong form, or a worker died twice on a shard.
 
     >>> import numpy as np, tempfile
@@ -112,45 +118,57 @@ def run_campaign(
     if workers < 1:
         raise BadRequest("workers", f"at least one is needed, but {workers} were asked for", slug="count-range")
     function = resolve(simulate) if isinstance(simulate, str) else simulate
+    task = simulate if isinstance(simulate, str) else function
     store = create(folder, campaign)
     with claimed(folder):
-        order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, tuple(rules)))
-        missing = () if order.is_enough() else store.missing()
-        finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
-        report = progress or (lambda done, total: None)
-        report(finished, campaign.n_cases)
-        task = _ComputeShard(simulate if isinstance(simulate, str) else function, store)
+        damaged = store.damaged()
+        store.discard(damaged)
+        outcome = _run(function, task, store, workers, progress, enough, tuple(rules), max_time)
+    return replace(outcome, repaired=damaged)
 
-        def name(shard: int) -> str:
-            cases = campaign.cases(shard)
-            return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
-        try:
-            with (
-                terminable(), limited(max_time if missing else None, _TimeIsOver),
-                contextlib.closing(_done(function, task, missing, workers, name)) as done,
-            ):  # fmt: skip
-                for shard in done:
-                    finished += len(campaign.cases(shard))
-                    is_enough = order.is_enough()
-                    report(finished, campaign.n_cases)
-                    if is_enough:
-                        break
-        except KeyboardInterrupt as error:
-            left = store.missing()
-            if isinstance(error, _TimeIsOver) and left and left[0]:
-                stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
-                stop.write(folder, campaign)
-                why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
-                return Outcome(store, store.planned, interrupted=False, stopped=why)
-            return Outcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
-        finally:
-            sweep(folder)  # of what a stopped worker left half-written
-        if order.is_enough():
-            replace(order.stop, cases=campaign.cases(order.next - 1).stop).write(folder, campaign)
-            store.discard(order.next)
-            return Outcome(store, store.planned, interrupted=False, stopped=order.why)
-        return Outcome(store, finished, interrupted=False)
+def _run(
+    function: Simulate, sent: Simulate | str, store: Store, workers: int, progress: Progress | None,
+    enough: Enough | None, rules: tuple[str, ...], max_time: float | None,
+) -> Outcome:  # fmt: skip
+    folder, campaign = store.folder, store.campaign
+    order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, rules))
+    missing = () if order.is_enough() else store.missing()
+    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
+    report = progress or (lambda done, total: None)
+    report(finished, campaign.n_cases)
+    task = _ComputeShard(sent, store)
+
+    def name(shard: int) -> str:
+        cases = campaign.cases(shard)
+        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
+
+    try:
+        with (
+            terminable(), limited(max_time if missing else None, _TimeIsOver),
+            contextlib.closing(_done(function, task, missing, workers, name)) as done,
+        ):  # fmt: skip
+            for shard in done:
+                finished += len(campaign.cases(shard))
+                is_enough = order.is_enough()
+                report(finished, campaign.n_cases)
+                if is_enough:
+                    break
+    except KeyboardInterrupt as error:
+        left = store.missing()
+        if isinstance(error, _TimeIsOver) and left and left[0]:
+            stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
+            stop.write(folder, campaign)
+            why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
+            return Outcome(store, store.planned, interrupted=False, stopped=why)
+        return Outcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
+    finally:
+        sweep(folder)  # of what a stopped worker left half-written
+    if order.is_enough():
+        replace(order.stop, cases=campaign.cases(order.next - 1).stop).write(folder, campaign)
+        store.discard(campaign.shards[order.next :])
+        return Outcome(store, store.planned, interrupted=False, stopped=order.why)
+    return Outcome(store, finished, interrupted=False)
 
 
 def _may_stop(store: Store, rules: tuple[str, ...]) -> Stop:
@@ -292,11 +310,10 @@ def terminable() -> Iterator[None]:
     def stop(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
-    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, stop)}
-    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        before[signal.SIGHUP] = signal.signal(signal.SIGHUP, stop)
+    heard = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) != signal.SIG_IGN]
+    before = {one: signal.signal(one, stop) for one in heard}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for one, handler in before.items():
+            signal.signal(one, handler)

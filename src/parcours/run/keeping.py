@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 import weakref
@@ -38,14 +39,19 @@ class Keeping:
             path for path in store.folder.iterdir() if path.is_file() and not path.name.startswith((".", "shard-"))
         ]
         self._whole = {path.name: path.read_bytes() for path in whole}  # the manifest, and what was run
-        self._copy: IO[bytes] = tempfile.TemporaryFile(dir=store.folder)  # noqa: SIM115 -- closed by put_back; has no name there
+        # Without a buffer: a worker that is forked and closes it would write what is in there once more.
+        self._copy: IO[bytes] = tempfile.TemporaryFile(dir=store.folder, buffering=0)  # noqa: SIM115 -- closed by put_back; has no name there
         self._rows: dict[int, int] = {}
         _copies.add(self._copy)
 
     def write(self, shard: int, rows: Rows) -> None:
         """Write a shard as `Store.write` does; where somebody removes the folder meanwhile, in the end."""
-        self._rows[shard] = self._copy.tell()
-        np.lib.format.write_array(self._copy, rows, allow_pickle=False)
+        self._rows[shard] = self._copy.seek(0, os.SEEK_END)
+        buffer = io.BytesIO()
+        np.lib.format.write_array(buffer, rows, allow_pickle=False)
+        left = buffer.getbuffer()
+        while left:
+            left = left[self._copy.write(left) :]
         try:
             self._make_folder()
             self._store.write(shard, rows)

@@ -19,7 +19,7 @@ from parcours.studio.folder import Folder
 from parcours.study.components.results import FILE as COMPONENTS
 from parcours.study.finding import find, registered
 from parcours.study.journal import CASES, RUN, read_question
-from parcours.study.protocol import Results, Study
+from parcours.study.protocol import Study
 from parcours.verdict.sequential import rate_at_any_time
 
 PERIOD = 0.1
@@ -77,7 +77,7 @@ class Watched:
             for name in (store.path(shard).name for shard in new):
                 for each in (name, f"{name}.sha256"):
                     (part / each).write_bytes(self._folder.read(f"{self.run}/{each}", _LARGEST))
-            self._add(self._read(part), max(store.path(shard).stat().st_mtime for shard in new))
+            self._add(part, max(store.path(shard).stat().st_mtime for shard in new))
         self._seen.update(new)
 
     def _look_at_journal(self) -> None:
@@ -90,7 +90,7 @@ class Watched:
         if whole:
             with self._slice() as part:
                 (part / CASES).write_bytes(whole)
-                self._add(self._read(part), changed)
+                self._add(part, changed)
             self._end += len(whole)
         if not self._planned and (self._path / COMPONENTS).is_file():
             assert self._study is not None
@@ -105,16 +105,15 @@ class Watched:
                     (Path(made) / name).write_bytes(self._folder.read(f"{self.run}/{name}", _LARGEST))
             yield Path(made)
 
-    def _read(self, part: Path) -> Results:
+    def _add(self, part: Path, changed: float) -> None:
         assert self._study is not None
         try:
-            return self._study.read(part)
+            results = self._study.read(part)
+            cases = results.cases()
         except ParcoursError as error:  # it names the folder that was made
             raise type(error)(error.where.replace(str(part), self.run), error.rule.replace(str(part), self.run),
                               error.remedy, slug=error.slug) from error  # fmt: skip
 
-    def _add(self, results: Results, changed: float) -> None:
-        cases = results.cases()
         self._label = results.label
         self._arrivals.append((changed, len(cases)))
         self._counts.update(str(one.verdict) for one in cases)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -176,7 +177,7 @@ def check_conditions(conditions: Sequence[GateCondition], results: Results) -> l
     would pass most gates. A condition on `errors` decides instead, where one is given.
     """
     checked = [check_condition(condition, results) for condition in conditions]
-    n = sum(verdict is Verdict.ERROR for verdict in verdicts_of(results)) if conditions else 0
+    n = verdicts_of(results)[Verdict.ERROR] if conditions else 0
     if conditions and n and all(condition.measure != "errors" for condition in conditions):
         first = next(case for case in results.cases() if case.verdict is Verdict.ERROR)
         why = f"{n} of {len(results.cases())} cases ended in an error, the first: {first.id}: {first.why}"
@@ -189,12 +190,15 @@ class Judged(Protocol):
     """Results that know the verdicts of their cases without making up reasons."""
 
     def case_verdicts(self) -> Sequence[Verdict]:
-        """Return them in the order of `cases`."""
+        """Return the verdicts of `cases`, in their order."""
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
 
 
-def verdicts_of(results: Results) -> Sequence[Verdict]:
-    """Return the verdict of every case of results."""
-    return results.case_verdicts() if isinstance(results, Judged) else [case.verdict for case in results.cases()]
+def verdicts_of(results: Results) -> Counter[Verdict]:
+    """Return how many cases of results have each verdict."""
+    return results.verdict_counts() if isinstance(results, Judged) else Counter(one.verdict for one in results.cases())
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,7 +323,7 @@ def exit_code(results: Iterable[Results]) -> int:
 
     A run without any case has passed nothing: 3.
     """
-    verdicts = {verdict for result in results for verdict in verdicts_of(result)}
+    verdicts = {verdict for result in results for verdict, n in verdicts_of(result).items() if n}
     if verdicts & {Verdict.FAIL, Verdict.ERROR}:
         return 1
     return 3 if Verdict.INCONCLUSIVE in verdicts or not verdicts else 0

@@ -16,7 +16,7 @@ from pathlib import Path
 from parcours.errors import BadResults
 from parcours.run.atomic import require_writable, unwritable, write_atomically
 from parcours.run.claiming import claimed
-from parcours.run.store import differences
+from parcours.run.manifest import differences
 from parcours.study.provenance import provenance
 
 RUN = "run.json"

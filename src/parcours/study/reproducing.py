@@ -12,7 +12,8 @@ from typing import cast
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.atomic import write_atomically
-from parcours.run.store import Store, differences, open_results
+from parcours.run.manifest import differences
+from parcours.run.store import Store, open_results
 from parcours.study.finding import study_of
 from parcours.study.journal import RUN, read_question
 from parcours.study.parameters import settings_of

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
-from parcours.study.gate import verdicts_of
+from parcours.study.gate import Judged
 from parcours.study.journal import RUN, read_question
 from parcours.study.protocol import Measure, Results, Study
 from parcours.study.provenance import texts
@@ -109,7 +109,7 @@ class FolderSummary:
 
 def sum_up(study: Study, folder: str, results: Results) -> FolderSummary:
     """Return what the results come to."""
-    verdicts = list(verdicts_of(results))
+    verdicts = _verdicts(results)
     made, seed, command = _asked(study, Path(folder))
     found = noted(Path(folder))
     figures = _telling(results, verdicts)
@@ -123,9 +123,13 @@ def sum_up(study: Study, folder: str, results: Results) -> FolderSummary:
 
 def worst_cases(results: Results, most: int) -> list[str]:
     """Return the id of the worst case of each of the first causes of failures."""
-    verdicts = list(verdicts_of(results))
+    verdicts = _verdicts(results)
     found = _causes(results, verdicts, _telling(results, verdicts), "", "")
     return [one.cases[0].result.id for one in found if one.cases and one.verdict is not Verdict.INCONCLUSIVE][:most]
+
+
+def _verdicts(results: Results) -> list[Verdict]:
+    return list(results.case_verdicts()) if isinstance(results, Judged) else [one.verdict for one in results.cases()]
 
 
 def _asked(study: Study, folder: Path) -> tuple[Mapping[str, str], int | None, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -69,37 +68,59 @@ class Ended:
         return {"verdicts": judged, "requirements": [one.document() for one in self.required]}
 
 
-def analyse(campaigns: Mapping[str, Campaign]) -> dict[str, Ended]:
-    """Return how the cases of each campaign ended; asks the oracle for what SCT needs."""
-    return {name: _analysed(campaign) for name, campaign in campaigns.items()}
+def analyse(campaign: Campaign) -> Ended:
+    """Return how the cases of a campaign ended; asks the oracle for what SCT needs.
 
-
-def _analysed(campaign: Campaign) -> Ended:
-    facts, cases, flags, asked = campaign.facts, campaign.cases, published(campaign.facts), campaign.requirements
-    earliest, survival = np.full((2, len(facts)), np.nan)
-    earliest[:ASKED] = oracle(cases, facts["number"][:ASKED])["earliest_outer"]
-    survival[:ASKED] = survived(cases, facts["number"][:ASKED])
-    known = measured(
-        facts, facts["measures"], earliest=earliest, survival=survival,
-        straight=straight_ways(cases, facts["number"], facts["measures"]),
-    )  # fmt: skip
-    paper = {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")}
-    slices = {share: int(yes.sum()) for share, yes in shares(facts).items()}
+    The facts are read part by part; at once where requirements are judged, over all cases.
+    """
+    cases, asked = campaign.cases, campaign.requirements
+    n, ended, paper, slices, errors = 0, Counter[int](), Counter[str](), Counter[Share](), _Errors()
+    known: dict[str, list[NDArray[np.float64]]] = {}
+    required: tuple[Violations, ...] = ()
+    own, judged = {}, None
+    for facts in [campaign.facts] if asked else campaign.parts():
+        first = facts["number"][: max(ASKED - n, 0)]
+        earliest, survival = np.full((2, len(facts)), np.nan)
+        if len(first):
+            earliest[: len(first)] = oracle(cases, first)["earliest_outer"]
+            survival[: len(first)] = survived(cases, first)
+        straight = straight_ways(cases, facts["number"], facts["measures"])
+        part = measured(facts, facts["measures"], earliest=earliest, survival=survival, straight=straight)
+        for name, values in part.items():
+            known.setdefault(name, []).append(values)
+        flags = published(facts)
+        paper.update({one: int(getattr(flags, one).sum()) for one in ("reached", "feasible", "halted_once", "stuck")})
+        slices.update({share: int(yes.sum()) for share, yes in shares(facts).items()})
+        codes, counts = np.unique(outcomes(facts), return_counts=True)
+        ended.update(dict(zip(codes.tolist(), counts.tolist(), strict=True)))
+        errors.add(facts)
+        n += len(facts)
+        if asked:  # the only part
+            own = summarised(own_values(facts, asked), {one.name: one.unit for one in asked.measures})
+            required, judged = violations_of(facts, asked), Counter(verdicts(facts, asked))
     return Ended(
-        campaign.label, cases.protocol, cases.seed, len(facts), campaign.planned, campaign.signals,
-        Counter(outcomes(facts).tolist()), paper, slices,
-        summarised(known) | summarised(own_values(facts, asked), {one.name: one.unit for one in asked.measures}),
-        _errors(facts),
-        violations_of(facts, asked), Counter(verdicts(facts, asked)) if asked else None,
+        campaign.label, cases.protocol, cases.seed, n, campaign.planned, campaign.signals, ended, paper, slices,
+        summarised({name: np.concatenate(parts) for name, parts in known.items()}) | own,
+        errors.commonest(), required, judged,
     )  # fmt: skip
 
 
-def _errors(facts: NDArray[np.void]) -> tuple[tuple[str, int, int], ...]:
-    if "reason" not in (facts.dtype.names or ()):
-        return ()
-    failed = facts[facts["error"] != 0]
-    counts = Counter(failed["reason"].tolist()).most_common()
-    return tuple(
-        (reason.decode("utf-8", "replace"), count, int(failed["number"][failed["reason"] == reason][0]))
-        for reason, count in counts
-    )
+class _Errors:
+    """Counts the planner's own faults by their reasons, and notes a first case of each."""
+
+    def __init__(self) -> None:
+        self._counts, self._first = Counter[bytes](), dict[bytes, int]()
+
+    def add(self, facts: NDArray[np.void]) -> None:
+        """Count those of further cases."""
+        if "reason" not in (facts.dtype.names or ()):
+            return
+        failed = facts[facts["error"] != 0]
+        for reason, number in zip(failed["reason"].tolist(), failed["number"].tolist(), strict=True):
+            self._counts[reason] += 1
+            self._first.setdefault(reason, number)
+
+    def commonest(self) -> tuple[tuple[str, int, int], ...]:
+        """Return each reason, how many cases have it, and the first of these; the commonest first."""
+        counts = self._counts.most_common()
+        return tuple((reason.decode("utf-8", "replace"), n, self._first[reason]) for reason, n in counts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol as TypingProtocol
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
 from parcours.run.store import open_results
-from parcours.study.campaign.running import facts_of
+from parcours.study.campaign.running import KeptFacts
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
@@ -48,6 +48,9 @@ class Campaign(TypingProtocol):
     def facts(self) -> NDArray[np.void]:
         """Facts of its finished cases, shape (n,)."""
 
+    def parts(self) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part, as far as a summary needs them."""
+
     @property
     def planned(self) -> int:
         """How many cases it plans."""
@@ -65,16 +68,25 @@ class Campaign(TypingProtocol):
 
 @dataclass(frozen=True, slots=True)
 class NavigationResults:
-    """One campaign of a planner: what to run again, facts of its finished cases (FACTS, shape (n,)), cases planned."""
+    """One campaign of a planner: what to run again, what is kept of its finished cases, and how many it plans."""
 
     label: str
     cases: Cases
     scenario: Scenario
     source: str
-    facts: NDArray[np.void]
+    kept: KeptFacts
     planned: int
     signals: bool = False
     requirements: Requirements = NO_REQUIREMENTS
+
+    @property
+    def facts(self) -> NDArray[np.void]:
+        """Facts of its finished cases, array of FACTS, shape (n,)."""
+        return self.kept.whole
+
+    def parts(self) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part."""
+        return self.kept.parts()
 
     def as_navigation(self) -> NavigationResults:
         """Return itself."""
@@ -154,9 +166,8 @@ def load_results(folder: Path) -> NavigationResults:
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
-    facts = facts_of(store, folder)
     return NavigationResults(
-        campaign.schedule, cases, scenario, source, facts, store.planned, requirements=requirements
+        campaign.schedule, cases, scenario, source, KeptFacts(store), store.planned, requirements=requirements
     )
 
 

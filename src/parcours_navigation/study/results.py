@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +35,7 @@ from parcours_navigation.requirements.judging import (
     verdicts,
 )
 from parcours_navigation.requirements.tables import requirement_table
-from parcours_navigation.study.analysis import analyse
+from parcours_navigation.study.analysis import Ended, analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
 from parcours_navigation.study.outcome_tables import (
@@ -72,9 +74,18 @@ class CampaignResults:
         """Return the verdict of every finished case."""
         return [replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
+    @functools.cached_property
+    def ended(self) -> Ended:
+        """How its cases ended."""
+        return analyse(self.found)
+
     def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""
         return verdicts(self.found.facts, self.found.requirements)
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return Counter(self.ended.verdicts)
 
     telling = ("min_clearance", "time_halted", "time_at_rest")
 
@@ -206,7 +217,7 @@ def report_folders(results: Mapping[str, Results]) -> Reported:
     """Return tables, pieces and documents on campaigns on system cases, and on what else reports itself."""
     campaigns = {name: one.found for name, one in results.items() if isinstance(one, CampaignResults)}
     others = [one.reported(name) for name, one in results.items() if isinstance(one, Reporting)]
-    ended = analyse(campaigns)
+    ended = {name: one.ended for name, one in results.items() if isinstance(one, CampaignResults)}
     tables: list[Table] = []
     pieces: list[Piece] = []
     if campaigns:

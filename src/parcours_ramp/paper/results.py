@@ -11,6 +11,7 @@ from pathlib import Path
 
 from parcours.run.campaign import run_campaign
 from parcours.run.store import create
+from parcours.study.campaign.running import KeptFacts
 from parcours_navigation.cases.family import PROTOCOLS, PUBLISHED_CASES, Protocol
 from parcours_ramp.components.study import Functional, Timing, component_plan, paper_sample, run_functional, run_timing
 from parcours_ramp.system.campaigns import SystemResults
@@ -80,7 +81,7 @@ def run_paper(
         )
         if outcome.interrupted:
             raise Interrupted(str(outcome))
-        system[protocol, schedule] = SystemResults(study, outcome.store.load(), counts[protocol])
+        system[protocol, schedule] = SystemResults(study, KeptFacts(outcome.store), counts[protocol])
     outcome = run_campaign(
         late, late.campaign(), folder / "delays", workers=workers,
         progress=lambda done, total: progress("system cases, added delays", done, total),

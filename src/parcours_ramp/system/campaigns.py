@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
-from parcours.study.campaign.running import facts_of
+from parcours.study.campaign.running import KeptFacts
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.requirement import Requirements
@@ -28,11 +29,20 @@ from parcours_ramp.system.study import STUDY, SystemStudy
 
 @dataclass(frozen=True, slots=True)
 class SystemResults:
-    """One campaign: its study, the facts of its finished cases (array of FACTS, shape (n,)), and how many it plans."""
+    """One campaign: its study, what is kept of its finished cases, and how many it plans."""
 
     study: SystemStudy
-    facts: NDArray[np.void]
+    kept: KeptFacts
     planned: int
+
+    @property
+    def facts(self) -> NDArray[np.void]:
+        """Facts of its finished cases, array of FACTS, shape (n,)."""
+        return self.kept.whole
+
+    def parts(self) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part, without the counts of transitions, which are a third of them."""
+        return self.kept.parts(("transitions",))
 
     @property
     def signals(self) -> bool:
@@ -67,7 +77,7 @@ class SystemResults:
             rule = "its planner must be the one that has a name, but it has added delays or other parameters"
             raise BadRequest(f"planner 'ramp-{self.label}'", rule, "replay the case instead", slug="shrink-study")
         return NavigationResults(
-            f"ramp-{self.label}", study.cases, scenario, "", self.facts, self.planned, True, study.requirements
+            f"ramp-{self.label}", study.cases, scenario, "", self.kept, self.planned, True, study.requirements
         )
 
 
@@ -101,7 +111,7 @@ def load_campaign(folder: Path) -> SystemResults:
             str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign again",
             slug="results-parameters",
         ) from error  # fmt: skip
-    return SystemResults(study, facts_of(store, folder), store.planned)
+    return SystemResults(study, KeptFacts(store), store.planned)
 
 
 def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -104,6 +105,10 @@ class SampledCampaign(CampaignResults):
     def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""
         return [*super().case_verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return super().verdict_counts() + Counter(Verdict(one["verdict"]) for one in self._sampled.values())
 
     def causes(self) -> Sequence[str]:
         """Return why each of `cases` did not pass, in words that cases share."""

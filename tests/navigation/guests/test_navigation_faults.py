@@ -202,7 +202,7 @@ def test_hangs_and_crashes_cost_only_their_cases(file: Path, tmp_path: Path) -> 
     for field in here.dtype.names or ():
         assert here[field].tobytes() == facts[field].tobytes(), field
     results = load_results(tmp_path / "1")
-    ended = analyse({"one": results})
+    ended = {"one": analyse(results)}
     errors = int((facts["error"] != 0).sum())
     assert errors == sum(ended["one"].document()["errors"].values())  # type: ignore[attr-defined]
     table = error_table(ended)

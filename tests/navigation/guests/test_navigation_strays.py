@@ -193,7 +193,7 @@ def test_what_is_told_of_a_planner_is_the_sound_outcomes_and_no_signal_it_cannot
     ramp = system_study("guarded", seed=1)
     run_campaign(ramp, ramp.campaign(4), here / "ramp")
     straight: Campaign = load_results(here / "straight")
-    ended = analyse({"s": straight, "g": load_campaign(here / "ramp")})
+    ended = {"s": analyse(straight), "g": analyse(load_campaign(here / "ramp"))}
     one, other = {"s": ended["s"]}, {"g": ended["g"]}
     rows = {str(row[0]): row[1:] for row in outcome_table(one).rows}
     assert next(iter(rows)) == "cases" and list(rows)[1] == "passed"

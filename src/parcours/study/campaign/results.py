@@ -15,7 +15,7 @@ from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
 from parcours.run.store import Campaign, open_results
-from parcours.study.campaign.running import facts_of
+from parcours.study.campaign.running import KeptFacts
 from parcours.study.covering import Drawn
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Measure, Reported, Results
@@ -55,6 +55,10 @@ class CampaignResults:
     def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""
         return [one.verdict for one in self.outcomes]
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return Counter(one.verdict for one in self.outcomes)
 
     def causes(self) -> Sequence[str]:
         """Return why each case did not pass, in words that cases share."""
@@ -165,7 +169,7 @@ def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
             rule = f"its {what} must be that of study {study.name!r}, {mine}, but is {theirs[what]}"
             raise BadResults(str(folder), rule, "name the study that wrote it, or run the campaign again",
                              slug="results-study")  # fmt: skip
-    facts = facts_of(store, folder)
+    facts = KeptFacts(store).whole
     try:
         return CampaignResults(study, campaign, facts, store.planned)
     except (ParcoursError, KeyError, TypeError, AttributeError) as error:

@@ -6,10 +6,10 @@ A campaign of chosen cases keeps their numbers in its parameters: its k-th row i
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol, Self
 
 import numpy as np
@@ -106,17 +106,46 @@ def run_numbered(
     return Run(outcome.interrupted, str(outcome))
 
 
-def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
-    """Return the facts of the finished cases, once they are found to be those that the shards' numbers say.
+class KeptFacts:
+    """The facts of the finished cases in a folder, read when they are asked for: all in one array, or part by part.
 
-    Raises BadResults: they are others.
+    Raises BadResults, then: a shard is damaged, or holds other cases than its number says.
     """
-    facts = store.load(partial=True)
-    campaign, absent = store.campaign, set(store.missing())
-    there = [campaign.cases(shard) for shard in store.shards if shard not in absent]
-    rows = np.concatenate([np.arange(0), *(np.arange(one.start, one.stop) for one in there)])
-    chosen = campaign.parameters.get(CHOSEN)
-    if not np.array_equal(facts["number"], np.array(chosen)[rows] if isinstance(chosen, list) else rows):
-        rule = "shards must hold the cases that their numbers say, but do not"
-        raise BadResults(str(folder), rule, "run the campaign again with --fresh", slug="results-order")
-    return facts
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    @functools.cached_property
+    def whole(self) -> NDArray[np.void]:
+        """The facts, shape (n_cases,)."""
+        facts = self._store.load(partial=True)
+        self._require(facts, self._numbers())
+        return facts
+
+    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+        """Yield the facts some thousand cases at a time: a million cases need little memory.
+
+        Args:
+            without: fields that are not wanted.
+        """
+        if "whole" in self.__dict__ or not self._store.in_order():
+            yield self.whole
+            return
+        numbers, at = self._numbers(), 0
+        for part in self._store.parts([name for name in self._store.campaign.dtype.names or () if name not in without]):
+            self._require(part, numbers[at : at + len(part)])
+            at += len(part)
+            yield part
+
+    def _numbers(self) -> NDArray[np.int64]:
+        """Return the numbers that the finished cases must have."""
+        campaign = self._store.campaign
+        there = [campaign.cases(shard) for shard in self._store.in_order()]
+        rows = np.concatenate([np.arange(0), *(np.arange(one.start, one.stop) for one in there)])
+        chosen = campaign.parameters.get(CHOSEN)
+        return np.array(chosen)[rows] if isinstance(chosen, list) else rows
+
+    def _require(self, facts: NDArray[np.void], numbers: NDArray[np.int64]) -> None:
+        if not np.array_equal(facts["number"], numbers):
+            rule = "shards must hold the cases that their numbers say, but do not"
+            raise BadResults(str(self._store.folder), rule, "run the campaign again with --fresh", slug="results-order")

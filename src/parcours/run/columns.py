@@ -1,0 +1,116 @@
+"""The rows of a shard as Parquet, a column for each number of a case; and back, all fields or some.
+
+    dtype    number │ inner: x, y │ counts (3,)
+    columns  number │ inner.x │ inner.y │ counts    an array is a list of as many numbers, a text its bytes
+
+Nothing in it says who wrote it or when: the same rows are the same bytes, by one version of pyarrow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_LEVEL = 3  # of zstd
+
+
+def pack(rows: NDArray[np.void]) -> bytes:
+    """Return rows without padding, shape (n,), as a Parquet file of one row group."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    leaves = dict(_leaves(rows))
+    arrays = {name: _packed(values) for name, values in leaves.items()}
+    fields = [pa.field(name, array.type, nullable=False) for name, array in arrays.items()]
+    # Alike bytes of numbers lie together (BYTE_STREAM_SPLIT), which halves them; a list is one column of its own name.
+    split = [_path(name, array) for name, array in arrays.items() if leaves[name].dtype.kind in "iuf"]
+    split = [path for path in split if leaves[path.removesuffix(".list.element")].dtype.itemsize > 2]
+    sink = pa.BufferOutputStream()
+    pq.write_table(
+        pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields)), sink,
+        row_group_size=max(1, len(rows)), compression="zstd", compression_level=_LEVEL, use_dictionary=False,
+        use_byte_stream_split=split, write_statistics=False, store_schema=False, version="2.6", data_page_version="1.0",
+    )  # fmt: skip
+    return bytes(sink.getvalue())
+
+
+def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> None:
+    """Fill rows with what was packed.
+
+    Args:
+        content: what `pack` returned.
+        dtype: of what was packed, without padding.
+        rows: as many as were packed, with all its fields or with some.
+
+    Raises ValueError: the bytes are not those of as many rows.
+
+    >>> rows, some = np.array([(1, 0.5), (2, 0.25)], [("n", "i8"), ("x", "f8")]), np.empty(2, [("x", "f8")])
+    >>> unpack(pack(rows), rows.dtype, some)
+    >>> some["x"].tolist()
+    [0.5, 0.25]
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        file = pq.ParquetFile(pa.BufferReader(content))
+        names = [name for name, _ in _leaves(np.empty(0, dtype))]
+        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != names:
+            raise ValueError(f"{len(rows)} rows of {dtype.itemsize} bytes are expected, but it holds others")
+        leaves = dict(_leaves(rows))
+        table = file.read(list(leaves), use_threads=False)
+        for name, places in leaves.items():
+            places[...] = _unpacked(table.column(name).combine_chunks(), places)
+    except (pa.ArrowException, OSError, KeyError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _leaves(rows: NDArray[Any], name: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the columns: views of shape (n, ...), of numbers, truth values or texts."""
+    if rows.dtype.names is None:
+        yield name, rows
+    for inner in rows.dtype.names or ():
+        yield from _leaves(rows[inner], f"{name}.{inner}" if name else inner)
+
+
+def _path(name: str, array: pyarrow.Array) -> str:
+    import pyarrow as pa
+
+    return f"{name}.list.element" if pa.types.is_fixed_size_list(array.type) else name
+
+
+def _packed(values: NDArray[Any]) -> pyarrow.Array:
+    import pyarrow as pa
+
+    flat = np.ascontiguousarray(values).reshape(-1)
+    if flat.dtype.kind in "biuf" and flat.dtype.itemsize <= 8:
+        array = pa.array(flat)
+    elif flat.dtype.kind == "S":
+        array = pa.array(flat.tolist(), pa.binary())
+    else:  # as it lies in memory
+        array = pa.Array.from_buffers(pa.binary(flat.dtype.itemsize), len(flat), [None, pa.py_buffer(flat.tobytes())])
+    return array if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(array, math.prod(values.shape[1:]))
+
+
+def _unpacked(array: pyarrow.Array, like: NDArray[Any]) -> NDArray[Any]:
+    """Return the values of a column in the shape and of the dtype of `like`. Raises ValueError: they are others."""
+    flat = array if like.ndim == 1 else array.flatten()
+    if flat.null_count or len(flat) != like.size:
+        raise ValueError(f"{like.size} values are expected, but it holds {len(flat)}")
+    if like.dtype.kind in "biuf" and like.dtype.itemsize <= 8:
+        found = flat.to_numpy(zero_copy_only=False)
+        if found.dtype != like.dtype:
+            raise ValueError(f"values of {like.dtype} are expected, but it holds {found.dtype}")
+    elif like.dtype.kind == "S":
+        found = np.array(flat.to_pylist(), like.dtype)
+    else:
+        found = np.frombuffer(b"".join(flat.to_pylist()), like.dtype)
+    shaped: NDArray[Any] = found.reshape(like.shape)
+    return shaped
