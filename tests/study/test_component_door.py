@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 
 from parcours.cli import parcours
 from parcours.errors import BadRequest, BadResults, BadSuite
+from parcours.report.page import to_html
 from parcours.report.terminal import to_text
 from parcours.study import Request, Results, Study, judge_case
 from parcours.study.finding import find
@@ -161,7 +162,7 @@ def test_a_case_is_replayed_by_id_and_by_number_as_it_was(lift: Path) -> None:
     results = run(study, out)
     id = results.cases()[1].id
     pages = [results.replay(one) for one in (id, id.removeprefix("functional/"), "1")]
-    assert pages[0] == pages[1] == pages[2]
+    assert len({to_html(page) for page in pages}) == 1
     assert pages[0].title == id.removeprefix("functional/") and pages[0].subtitle.startswith("pass: all 10 transitions")
     printed = call("replay", out, id)
     assert printed.exit_code == 0 and "p1" in printed.output and '{"floor": ' in printed.output
