@@ -82,7 +82,7 @@ def test_recordings_of_foreign_cases_stay_in_their_folder_and_apart() -> None:
 def test_output_of_foreign_nodes_stays_in_its_folder_and_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     logs: list[Path] = []
 
-    def process(name: str, command: object, cwd: Path, env: object, log: Path) -> Any:
+    def process(name: str, command: object, cwd: Path, env: object, log: Path, priority: int) -> Any:
         logs.append(log)
         return SimpleNamespace(descriptor=0, await_start=lambda: None, is_alive=True)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
 from parcours.run.store import open_results
-from parcours.study.campaign.running import KeptFacts
+from parcours.study.campaign.running import GivenFacts, KeptFacts
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
@@ -74,7 +74,7 @@ class NavigationResults:
     cases: Cases
     scenario: Scenario
     source: str
-    kept: KeptFacts
+    kept: KeptFacts | GivenFacts
     planned: int
     signals: bool = False
     requirements: Requirements = NO_REQUIREMENTS

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from parcours.data import InputModel
 from parcours.errors import BadRequest
+from parcours.study.campaign.running import GivenFacts
 from parcours.study.parameters import Settings
 from parcours_navigation.cases.family import GivenCases, SystemCases
 from parcours_navigation.cases.running import CaseStudy, Family
@@ -110,7 +111,7 @@ class PlannerSearch:
         cases = study.cases
         assert isinstance(cases, SystemCases | WorldCases)
         found = NavigationResults(
-            str(self.settings["planner"]), cases, self.scenario, "", study.run(np.array([number])), 1,
+            str(self.settings["planner"]), cases, self.scenario, "", GivenFacts(study.run(np.array([number]))), 1,
             requirements=study.requirements,
         )  # fmt: skip
         name = f"{cases.study}/found-{cases.protocol}/{number}"

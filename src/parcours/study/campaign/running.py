@@ -106,6 +106,17 @@ def run_numbered(
     return Run(outcome.interrupted, str(outcome))
 
 
+@dataclass(frozen=True, slots=True)
+class GivenFacts:
+    """Facts that were just computed, as those that are read from a folder."""
+
+    whole: NDArray[np.void]
+
+    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+        """Yield all facts at once."""
+        yield self.whole
+
+
 class KeptFacts:
     """The facts of the finished cases in a folder, read when they are asked for: all in one array, or part by part.
 
