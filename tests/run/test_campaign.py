@@ -164,7 +164,7 @@ def test_a_real_ctrl_c_ends_the_process_in_order_and_leaves_nothing_half_written
         "from parcours.run.campaign import run_campaign\nfrom parcours.run.store import Campaign\n"
         "if __name__ == '__main__':\n"
         "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a background shell ignores it
-        "    c = Campaign('toy', 'original', 7, 950, toy.DTYPE, shard_size=10)\n"
+        "    c = Campaign('toy', 'original', 7, 9500, toy.DTYPE, shard_size=10)\n"
         "    print(run_campaign('toy_campaign_study:slowly', c, Path(sys.argv[1]), workers=2))\n"
     )
     folder = tmp_path / "c"
@@ -180,7 +180,7 @@ def test_a_real_ctrl_c_ends_the_process_in_order_and_leaves_nothing_half_written
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0 and not err
     finished = len(open_results(folder).load(partial=True))
-    assert 30 <= finished < 950 and out.startswith(f"interrupted: {finished} of 950 cases")
+    assert 30 <= finished < 9500 and out.startswith(f"interrupted: {finished} of 9500 cases")
     assert not list(folder.glob(".*"))
 
 
