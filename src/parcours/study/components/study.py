@@ -36,14 +36,15 @@ from parcours.run.trace import Trace, durations
 from parcours.study import protocol
 from parcours.study.components.executing import Exercise, TimingGroup, whole_case
 from parcours.study.components.messages import Messages
+from parcours.study.components.options import host_parameters
 from parcours.study.components.references import Relation
-from parcours.study.components.results import PER_CASE, PER_VISIT
+from parcours.study.components.results import PER_CASE
 from parcours.study.components.selecting import Selection, select_cases
 from parcours.study.components.simple import is_full
 from parcours.study.components.stimuli import Chooser, Formulas, Stimuli
 from parcours.study.components.systems import PATIENCE, PythonPart, System
 from parcours.study.components.tester import StudyTester, Tester
-from parcours.study.hosting import HOSTS, Nodes
+from parcours.study.hosting import Nodes
 from parcours.study.loading import members_of
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
@@ -74,21 +75,6 @@ def order_is_kept(case: Case, trace: Trace, settings: Settings) -> Judgement:
     """Pass: an oracle is asked only when every transition was taken in its turn."""
     n = sum(event.kind == "take" for event in trace.events)
     return Judgement(Verdict.PASS, f"all {n} transitions were taken in their order")
-
-
-def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
-    """Return the parameters that every component study has, and others after them."""
-    return (
-        Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
-        Parameter("graph", "text", "", "address of a running ROS 1 master, or a ROS 2 domain; else one of its own",
-                  decides=False),
-        Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
-        Parameter("instances", "text", PER_CASE, "of a component: one per case, which is answered, or one per visit",
-                  choices=(PER_VISIT, PER_CASE)),
-        Parameter("orders", "text", "", "of each case to try beside its own: all, N, or pct:d or pct:d:N"),
-        Parameter("repeats", "int", 60, "of a timing case", low=1, high=100_000),
-        *more,
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
