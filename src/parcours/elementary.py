@@ -154,7 +154,7 @@ def exp(x: float) -> float:
         )
     )
     y = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    factor = 2.0 if k > 0 else 0.5
+    factor = 2.0 if k > 0.0 else 0.5
     for _ in range(int(abs(k))):
         y *= factor
     return float(y)
@@ -167,13 +167,13 @@ def log(x: float) -> float:
     >>> round(log(10.0), 14)
     2.30258509299405
     """
-    k = 0
+    k = 0.0
     while x > 1.4142135623730951:
         x *= 0.5
-        k += 1
+        k += 1.0
     while x < 0.7071067811865476:
         x *= 2.0
-        k -= 1
+        k -= 1.0
     f = x - 1.0
     s = f / (2.0 + f)
     z = s * s
