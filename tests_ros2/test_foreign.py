@@ -193,6 +193,13 @@ def test_what_is_wrong_is_said_with_both_sides(nodes: Path, tmp_path: Path, wron
     assert slug in str(error)
 
 
+def test_a_quality_that_does_not_fit_is_said_although_its_sender_comes_last(nodes: Path, tmp_path: Path) -> None:
+    edit(nodes / "binding.yaml", ("/obstacle_filter\n", "/obstacle_filter\n    after: [Planner]\n"))
+    edit(nodes / "obstacle_filter.py", ('obstacles", 1', 'obstacles", qos_profile_sensor_data'))
+    error = complaint(nodes, tmp_path)
+    assert (error.slug, "/obstacle_filter offers best effort" in str(error)) == ("qos-mismatch", True)
+
+
 def test_two_nodes_of_one_name_are_named(nodes: Path, tmp_path: Path) -> None:
     other = subprocess.Popen([sys.executable, str(nodes / "avoider.py")])
     try:

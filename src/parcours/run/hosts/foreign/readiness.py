@@ -19,6 +19,9 @@ _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 _AT_WORK = 0.15
 """Nodes that still load what they need use more of a processor than this; complete ones mostly wait."""
 
+_UNSEEN = ("node-twice", "qos-mismatch")
+"""What may be wrong although every node, for itself, is ready."""
+
 
 class Readiness:
     """What is still waited for, of the slots that have been started."""
@@ -55,9 +58,10 @@ class Readiness:
         for slot in begun:
             self._waiting[slot.name] = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]
         if not any(self._waiting.values()):
-            twice = [one for one in self.findings() if one.rule == "node-twice"]
-            if twice and len(begun) == len(self._seating.slots):
-                raise HostFailure(twice[0].where, twice[0].message, twice[0].remedy, slug=twice[0].rule)
+            # A receiver is ready while its sender is not there yet: whether the two connect is only known now.
+            wrong = [one for one in self.findings() if one.rule in _UNSEEN]
+            if wrong and len(begun) == len(self._seating.slots):
+                raise HostFailure(wrong[0].where, wrong[0].message, wrong[0].remedy, slug=wrong[0].rule)
             return True
         now = self._now()
         late = [
