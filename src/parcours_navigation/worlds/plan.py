@@ -74,12 +74,15 @@ class LaserScan:
     beams: int = 360
     reach: float = 10.0  # [m]
     field_of_view: float = 2.0 * PI  # whole angle, about straight ahead [rad]
+    first_beam: float | None = None  # where beam 0 points, from straight ahead [rad]; none: to the right end of the field
     noise: float = 0.0  # standard deviation of a range [m]
     dropped: float = 0.0  # share of beams that come back without a range
 
     def __post_init__(self) -> None:
         within("scan", self, beams=(1, 10_000), reach=(0.01, 1000.0), field_of_view=(0.001, 2.0 * PI),
                noise=(0.0, 10.0), dropped=(0.0, 1.0))  # fmt: skip
+        if self.first_beam is not None:
+            within("scan", self, first_beam=(-2.0 * PI, 2.0 * PI))
 
 
 @dataclass(frozen=True, slots=True)

@@ -316,7 +316,8 @@ def _scan(plan: Plan) -> tuple[int, float, float, float, float, float]:
     if laser is None:
         return 0, 0.0, 0.0, 0.0, 0.0, 0.0
     step = laser.field_of_view / laser.beams
-    return laser.beams, 0.5 * (step - laser.field_of_view), step, laser.reach, laser.noise, laser.dropped
+    first = 0.5 * (step - laser.field_of_view) if laser.first_beam is None else laser.first_beam
+    return laser.beams, first, step, laser.reach, laser.noise, laser.dropped
 
 
 def _closed(entries: _Named[StopMoveStop], land: Land, robot_radius: float, seed: int, number: int) -> Record:

@@ -18,7 +18,7 @@ _NAMES = {
          "length map margin most noise path places points polygons position_noise radius range reach room shelf size "
          "tolerance track_width wall wall_range walls way_noise wheelbase width",
     "s": "announced between delay ends_at_rest horizon late later moves pause relax time_limit waits wall_horizon",
-    "rad": "field_of_view heading heading_tolerance steering tilt turn_noise turn_noise_way",
+    "rad": "field_of_view first_beam heading heading_tolerance steering tilt turn_noise turn_noise_way",
     "m/s": "speed speed_spread start_speed velocity_noise wheel_speed",
     "rad/s": "steering_rate turn turn_rate yaw_rate",
     "m/s^2": "acceleration cohesion strength wall_strength wheel_acceleration",

@@ -134,6 +134,23 @@ task: {start: [0, 0, 0], goal: [1, 1], path: [[0, 0], [1, 1]], time_limit: 1 s}
     assert (beams[-135] == np.inf and beams[-45] == np.inf) or beams[-45] == pytest.approx(3 * np.sqrt(2))
 
 
+def test_beams_run_counter_clockwise_from_where_the_first_one_is_said_to_point() -> None:
+    seen: list[list[float]] = []
+
+    def look(observation: Observation) -> Answer:
+        assert observation.scan is not None
+        seen.append(observation.scan.ranges.tolist())
+        return 0.0, 0.0
+
+    text = """
+ground: {walls: [[3, -9, 3, 9], [-9, 2, 9, 2]]}
+sensing: {scan: {beams: 4, reach: 6, first_beam: 0 deg}}
+task: {start: [0, 0, 0], goal: [1, 1], time_limit: 1 s}
+"""
+    _run(look, _cases(text))
+    assert seen[0] == pytest.approx([3.0, 2.0, np.inf, np.inf])
+
+
 def test_detections_come_late_noisy_and_not_at_all_as_told() -> None:
     rows: list[np.ndarray] = []
 
