@@ -74,7 +74,7 @@ class LaserScan:
     beams: int = 360
     reach: float = 10.0  # [m]
     field_of_view: float = 2.0 * PI  # whole angle, about straight ahead [rad]
-    first_beam: float | None = None  # where beam 0 points, from straight ahead [rad]; none: to the right end of the field
+    first_beam: float | None = None  # direction of beam 0 from straight ahead [rad]; none: the right end of the field
     noise: float = 0.0  # standard deviation of a range [m]
     dropped: float = 0.0  # share of beams that come back without a range
 
