@@ -6,10 +6,12 @@ import csv
 import json
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 from click.testing import CliRunner
 
@@ -21,7 +23,8 @@ from parcours.study.finding import find
 from parcours.study.gate import Judged
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Request
-from parcours.study.tabling import ResultTable, input_columns, read_table
+from parcours.study.table_files import sql, write_csv, write_parquet
+from parcours.study.tabling import ResultTable, TableColumn, grouped, input_columns, read_parts, read_table
 from parcours_navigation.outcomes import Outcome
 
 N = 96
@@ -71,7 +74,6 @@ def test_a_condition_chooses_cases_and_its_words_are_those_of_the_column(table: 
 
 def test_pandas_alone_computes_the_reports_table_from_the_parquet(ramp: Path, tmp_path: Path) -> None:
     import pandas as pd
-    import pyarrow.parquet as parquet
 
     path = tmp_path / "cases.parquet"
     CliRunner().invoke(parcours, ["results", str(ramp), "--parquet", str(path)], catch_exceptions=False)
@@ -106,7 +108,36 @@ def test_sql_answers_as_the_groups_do_and_reads_no_file(ramp: Path, table: Resul
     (tmp_path / "secret.csv").write_text("a\n1\n")
     for query in ("SELECT nothing FROM results", f"SELECT * FROM read_csv('{tmp_path}/secret.csv')"):
         with pytest.raises(BadRequest, match="results-sql"):
-            table.sql(query)
+            sql([table], query)
+
+
+def test_parts_give_what_one_table_gives(ramp: Path, table: ResultTable, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("parcours.run.store._PART", 1)  # a shard at a time
+    monkeypatch.setattr("parcours.study.table_files._ROW_GROUP", 40)
+    rows = np.arange(len(table))
+    parts = [replace(table, chosen=rows[k : k + 70]) for k in range(0, len(rows), 70)]
+    for keys in ([], ["start"], ["outcome", "v1_block"], ["n_switches"]):
+        assert grouped(parts, keys) == table.by(keys)
+    write_csv(parts, tmp_path / "parts.csv")
+    write_csv([table], tmp_path / "whole.csv")
+    assert (tmp_path / "parts.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    write_parquet(parts, tmp_path / "parts.parquet")
+    file = parquet.ParquetFile(tmp_path / "parts.parquet")
+    assert [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)] == [40, 40, N - 80]
+    assert file.read().to_pandas().equals(table.arrow().to_pandas())
+    assert sql(parts, "SELECT sum(travelled) FROM results") == sql([table], "SELECT sum(travelled) FROM results")
+    assert sum(len(part) for part in read_parts(ramp)) == N
+
+
+def test_cases_without_a_value_are_one_group() -> None:
+    tables = [
+        ResultTable(
+            {"x": TableColumn(lambda: np.array([2.0, np.nan])), "f": TableColumn(lambda: np.array([1.0, 0.0]))}, ("f",)
+        )
+        for _ in range(2)
+    ]
+    (two, of_two), (none, of_none) = grouped(tables, ["x"]).items()
+    assert (two, of_two["f"].n, np.isnan(none[0]), of_none["f"].n) == ((2.0,), 2, True, 2)
 
 
 def test_csv_has_a_line_a_case(ramp: Path, table: ResultTable, tmp_path: Path) -> None:
@@ -129,7 +160,7 @@ def test_what_cannot_be_asked_is_refused(ramp: Path, table: ResultTable, monkeyp
             assert len(asked(str(ramp), *words)) <= N
     monkeypatch.setitem(sys.modules, "duckdb", None)
     with pytest.raises(BadRequest, match=r"pip install 'parcours\[results\]' \[no-results-extra\]"):
-        table.sql("SELECT 1")
+        sql([table], "SELECT 1")
 
 
 def test_every_study_has_a_table(tmp_path: Path) -> None:

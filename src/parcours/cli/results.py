@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,39 +38,45 @@ def command(
 
     Example: parcours results out/now --where "verdict == fail" --parquet failures.parquet
     """
-    from parcours.study.tabling import read_table
+    from parcours.study.table_files import sql as asked
+    from parcours.study.table_files import write_csv, write_parquet
+    from parcours.study.tabling import read_parts
 
     if convert:
         from parcours.run.converting import convert as converted
 
         store = converted(folder)
         click.echo(f"{len(store.in_order())} shards in {folder} are as this version keeps them", err=True)
-    table = read_table(folder, study)
-    table = table.where(where) if where else table
-    if parquet is not None:
-        table.write_parquet(parquet)
-        click.echo(f"wrote {parquet}", err=True)
-    if csv is not None:
-        table.write_csv(csv)
-        click.echo(f"wrote {csv}", err=True)
+
+    def tables() -> Iterator[ResultTable]:
+        parts = read_parts(folder, study)
+        return (part.where(where) for part in parts) if where else parts
+
+    for file, write in ((parquet, write_parquet), (csv, write_csv)):
+        if file is not None:
+            write(tables(), file)
+            click.echo(f"wrote {file}", err=True)
     if columns:
+        table = next(tables())
         listed = [(name, column.unit, name in table.rates) for name, column in table.columns.items()]
         if as_json:
             print_json([dict(zip(("column", "unit", "rate"), one, strict=True)) for one in listed])
         else:
             print_rows("Columns", ("column", "unit", ""), [(*one[:2], "rate" if one[2] else "") for one in listed])
     elif sql:
-        names, rows = table.sql(sql)
+        names, rows = asked(tables(), sql)
         if as_json:
             print_json([dict(zip(names, map(_json, row), strict=True)) for row in rows])
         else:
             print_rows("Results", names, [tuple(map(_cell, row)) for row in rows])
     elif keys or not (parquet or csv):
-        _print_groups(table, keys, as_json)
+        _print_groups(tables(), keys, as_json)
 
 
-def _print_groups(table: ResultTable, keys: tuple[str, ...], as_json: bool) -> None:
-    groups = table.by(keys)
+def _print_groups(tables: Iterator[ResultTable], keys: tuple[str, ...], as_json: bool) -> None:
+    from parcours.study.tabling import grouped
+
+    groups = grouped(tables, keys)
     if as_json:
         print_json([
             {**dict(zip(keys, map(_json, head), strict=True)),
@@ -83,7 +90,12 @@ def _print_groups(table: ResultTable, keys: tuple[str, ...], as_json: bool) -> N
          *(f"{of.share:.1%} [{of.low:.1%}, {of.high:.1%}]" if of.n else None for of in rates.values()))
         for head, rates in groups.items()
     ]  # fmt: skip
-    print_rows("Results", (*keys, ("cases", ",d"), *table.rates), rows, "Shares of the cases, Wilson 95 % intervals.")
+    print_rows(
+        "Results",
+        (*keys, ("cases", ",d"), *next(iter(groups.values()), {})),
+        rows,
+        "Shares of the cases, Wilson 95 % intervals.",
+    )
 
 
 def _json(value: Any) -> Any:

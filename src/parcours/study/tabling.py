@@ -5,10 +5,10 @@ Filtered by a condition, summed up by groups, and handed to other tools as Arrow
 
 from __future__ import annotations
 
-import csv
 import functools
 import importlib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -44,6 +44,14 @@ class Tabled(Protocol):
 
     def table_columns(self) -> Mapping[str, TableColumn]:
         """Return columns by name, in the order of `measures`; `case` (ids) and `verdict` are among them."""
+
+
+@runtime_checkable
+class Divided(Protocol):
+    """Results that can be had part by part, since all of them may not fit into memory."""
+
+    def in_parts(self) -> Iterator[Results]:
+        """Yield results of some cases after the other, in their order; of none at least once."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +116,7 @@ class ResultTable:
             values, places = np.unique(self[key], return_inverse=True)
             codes, group = np.unique(group * len(values) + places, return_inverse=True)
             heads = [(*heads[code // len(values)], values[code % len(values)].item()) for code in codes.tolist()]
-            if len(heads) > _MOST_GROUPS:
-                rule = f"there may be {_MOST_GROUPS} groups, but {' and '.join(keys)} make {len(heads)}"
-                raise BadRequest("--by", rule, "name the block of an input (`x1_block`), or ask with --sql",
-                                 slug="results-groups")  # fmt: skip
+            _require_few(len(heads), keys)
         known = {name: ~np.isnan(self[name].astype(float)) for name in self.rates}
         counts = {name: np.bincount(group, np.nan_to_num(self[name].astype(float)), len(heads)) for name in self.rates}
         ns = {name: np.bincount(group, known[name], len(heads)) for name in self.rates}
@@ -125,7 +130,7 @@ class ResultTable:
 
         Raises BadRequest: pyarrow is not installed.
         """
-        pa = _imported("pyarrow")
+        pa = imported("pyarrow")
         arrays, fields = [], []
         for name, column in self.columns.items():
             array = pa.array(self[name], from_pandas=True)
@@ -135,46 +140,6 @@ class ResultTable:
         about = {"parcours": FORMAT, "label": self.label, "rates": ",".join(self.rates)}
         found: pyarrow.Table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
         return found
-
-    def write_parquet(self, path: Path) -> None:
-        """Write it as Parquet, in row groups of 122 880 cases. Raises BadRequest: no pyarrow, or no place."""
-        table, parquet = self.arrow(), _imported("pyarrow.parquet")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            parquet.write_table(table, path, row_group_size=122_880, compression="zstd")
-        except OSError as error:
-            from parcours.run.atomic import unwritable
-
-            raise unwritable(path, error) from error
-
-    def write_csv(self, path: Path) -> None:
-        """Write it as CSV: the names of the columns, then one line per case. Raises BadRequest: no place to write."""
-        lists = [self[name].tolist() for name in self.columns]
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(self.columns)
-                writer.writerows(zip(*lists, strict=True))
-        except OSError as error:
-            from parcours.run.atomic import unwritable
-
-            raise unwritable(path, error) from error
-
-    def sql(self, query: str) -> tuple[list[str], list[tuple[Any, ...]]]:
-        """Return the names of columns and the rows that a query gives; it reads the table `results`.
-
-        Raises BadRequest: duckdb is not installed, or it refuses the query.
-        """
-        duckdb = _imported("duckdb")
-        with duckdb.connect(":memory:", config={"enable_external_access": "false"}) as connection:
-            connection.register("results", self.arrow())
-            try:
-                found = connection.execute(query)
-                return [one[0] for one in found.description], found.fetchall()
-            except duckdb.Error as error:
-                raise BadRequest("--sql", f"DuckDB refuses it: {error}", "the table is called results",
-                                 slug="results-sql") from error  # fmt: skip
 
 
 def _worded(node: Expression, texts: Collection[str]) -> Expression:
@@ -190,7 +155,8 @@ def _worded(node: Expression, texts: Collection[str]) -> Expression:
             return node
 
 
-def _imported(module: str) -> Any:
+def imported(module: str) -> Any:
+    """Return a module of an extra. Raises BadRequest: it is not installed."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -212,6 +178,41 @@ def table_of(results: Results) -> ResultTable:
         columns.setdefault(name, TableColumn(functools.partial(np.asarray, measure.values), measure.unit))
     rates = tuple(name for name, measure in measures.items() if measure.kind == "rate")
     return ResultTable(columns, rates, results.label)
+
+
+def read_parts(folder: Path | str, study: str = "") -> Iterator[ResultTable]:
+    """Yield the finished cases in a folder that a study wrote, as one table or as several after each other.
+
+    Raises BadRequest, BadResults: as `read_table`.
+    """
+    from parcours.study.finding import study_of
+
+    results = study_of(Path(folder), study).read(Path(folder))
+    yield from map(table_of, results.in_parts() if isinstance(results, Divided) else [results])
+
+
+def grouped(tables: Iterable[ResultTable], keys: Sequence[str]) -> dict[tuple[Any, ...], dict[str, Rate]]:
+    """Return the rates of each group of cases in all tables together, as `ResultTable.by` does for one.
+
+    Raises BadRequest: as `ResultTable.by`.
+    """
+    found: dict[tuple[Any, ...], dict[str, Rate]] = {}
+    for table in tables:
+        for given, rates in table.by(keys).items():
+            head = tuple(math.nan if value != value else value for value in given)  # one NaN, which equals itself
+            had = found.get(head)
+            found[head] = rates if had is None else {
+                name: wilson(of.count + had[name].count, of.n + had[name].n) for name, of in rates.items()
+            }  # fmt: skip
+        _require_few(len(found), keys)
+    return dict(sorted(found.items(), key=lambda one: [(value != value, value) for value in one[0]]))
+
+
+def _require_few(groups: int, keys: Sequence[str]) -> None:
+    if groups > _MOST_GROUPS:
+        rule = f"there may be {_MOST_GROUPS} groups, but {' and '.join(keys)} make {groups}"
+        remedy = "name the block of an input (`x1_block`), or ask with --sql"
+        raise BadRequest("--by", rule, remedy, slug="results-groups")
 
 
 def read_table(folder: Path | str, study: str = "") -> ResultTable:

@@ -51,6 +51,9 @@ class Campaign(TypingProtocol):
     def parts(self) -> Iterator[NDArray[np.void]]:
         """Yield the facts part by part, as far as a summary needs them."""
 
+    def holding(self, facts: NDArray[np.void]) -> Campaign:
+        """Return it with facts of some of its cases."""
+
     @property
     def planned(self) -> int:
         """How many cases it plans."""
@@ -87,6 +90,10 @@ class NavigationResults:
     def parts(self) -> Iterator[NDArray[np.void]]:
         """Yield the facts part by part."""
         return self.kept.parts()
+
+    def holding(self, facts: NDArray[np.void]) -> NavigationResults:
+        """Return it with facts of some of its cases."""
+        return replace(self, kept=GivenFacts(facts))
 
     def as_navigation(self) -> NavigationResults:
         """Return itself."""

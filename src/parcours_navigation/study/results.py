@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -69,6 +69,11 @@ class CampaignResults:
 
     def _id(self, of_family: str) -> str:
         return f"{self._study}/{of_family.partition('/')[2]}"
+
+    def in_parts(self) -> Iterator[CampaignResults]:
+        """Yield the results of some thousand cases after the other: a million of them need little memory."""
+        for facts in self.found.parts():
+            yield CampaignResults(self.found.holding(facts), self._folder, self._study)
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""

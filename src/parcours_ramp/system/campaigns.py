@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
-from parcours.study.campaign.running import KeptFacts
+from parcours.study.campaign.running import GivenFacts, KeptFacts
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.requirement import Requirements
@@ -32,7 +32,7 @@ class SystemResults:
     """One campaign: its study, what is kept of its finished cases, and how many it plans."""
 
     study: SystemStudy
-    kept: KeptFacts
+    kept: KeptFacts | GivenFacts
     planned: int
 
     @property
@@ -43,6 +43,10 @@ class SystemResults:
     def parts(self) -> Iterator[NDArray[np.void]]:
         """Yield the facts part by part, without the counts of transitions, which are a third of them."""
         return self.kept.parts(("transitions",))
+
+    def holding(self, facts: NDArray[np.void]) -> SystemResults:
+        """Return it with facts of some of its cases."""
+        return replace(self, kept=GivenFacts(facts))
 
     @property
     def signals(self) -> bool:
