@@ -45,7 +45,7 @@ def command(
             study, settings, out and out.absolute(), report, seed=seed, budget=budget, repeats=repeats, workers=workers
         )
     if as_json:
-        print_json({**asdict(found), "high": min(found.high, 1.0), "reached": found.reached})
+        print_json({**asdict(found), "reached": found.reached})
     else:
         click.echo(str(found))
         for file in found.files:

@@ -5,14 +5,14 @@
                            moved a little,         moved a little,
                            kept if still below     kept if still below
 
-The probability is the product of the shares that pass each level. A pilot fixes the levels; then every repeat is without
-bias whatever the levels are and however well cases move, as long as moves leave the distribution of a campaign's draws as
-it is (Del Moral, Feynman-Kac Formulae, 2004; Au, Beck, Probabilistic Engineering Mechanics 16, 2001, for the chains).
+The probability is the product of the shares that pass each level. A pilot fixes the levels; then every repeat is
+without bias whatever the levels are and however badly cases move, as long as moves leave the distribution of what a
+campaign draws as it is (Del Moral, Feynman-Kac Formulae, 2004; the chains: Au, Beck, Prob. Eng. Mechanics 16, 2001).
 
-A case is a point of the unit cube, from which its blocks and values follow, and a number, on which all else that is drawn
-depends. Values are moved in groups, each only if the campaign could have drawn the result. Blocks are equally likely
-in a campaign, but leave unlike room within the constraints; so the draws that a campaign would have rejected before this
-one are drawn along, and must be rejected in the new blocks as well: then a move is as likely as its reverse.
+A case is a point of the unit cube, from which its blocks and values follow, and a number, on which all else depends
+that is drawn. Values are moved in groups, each only if the campaign could have drawn the result. Blocks are equally
+likely in a campaign, but constraints leave them unlike room: so what the campaign would have drawn in vain before
+these values is drawn along, and must be refused in the new blocks, too. Then a move is as likely as its reverse.
 """
 
 from __future__ import annotations
@@ -38,14 +38,18 @@ Integers = NDArray[np.int64]
 
 _PURPOSE = 0x73706C6974  # of the streams from which cases are drawn and moved (ASCII for `split`)
 REPEATS = 10
-SHARE = 0.2  # of the pilot's cases that pass a level
+SHARE = 0.1  # of the pilot's cases that pass a level
 MOST_LEVELS = 40
 _LEAST = 25  # cases of a repeat
-_PILOT, _PILOT_BUDGET = 0.01, 0.25  # cases of the pilot, and what it may take in all, as shares of the budget
+_PILOT, _PILOT_BUDGET = 0.02, 0.25  # cases of the pilot, and what it may take in all, as shares of the budget
 _NUMBERS = 2.0**40  # numbers of cases lie below this
-_GROUPS, _SCALES, _REDRAWN = 4, 7, 0.3  # groups of inputs; steps of 1/2 .. 1/128 of a domain; moves that change numbers
+_GROUPS, _SCALES, _REDRAWN = (
+    4,
+    5,
+    0.3,
+)  # groups of inputs; steps of 1/2 .. 1/32 of a domain; moves that change the number
 _MOST_REJECTED = 4096
-FAILS = math.nextafter(0.0, -1.0)
+FAILS = -1e-300  # no subnormal number: some libraries make processors take those for 0
 """The last level: what is at most that far from failing fails."""
 
 _ROW = [
@@ -89,7 +93,7 @@ class Rarity:
     levels: tuple[float, ...]  # how near cases come to failing on the way there
     repeats: tuple[float, ...]  # what each found
     founders: int  # in the repeat with fewest: cases of a campaign from which its failures descend
-    threshold: float = 0.0  # how near counts as failing: above 0 if the pilot found no failure
+    nearest: float = FAILS  # what `probability` is of, at least so near; not negative: the pilot found no failure
     number: int = -1  # of a case that fails; negative if there was none
     values: Mapping[str, float] | None = None  # its test inputs
     files: tuple[str, ...] = ()
@@ -97,10 +101,10 @@ class Rarity:
     @property
     def reached(self) -> bool:
         """Whether the pilot found failures."""
-        return self.threshold <= 0.0
+        return self.nearest < 0.0
 
     def __str__(self) -> str:
-        what = self.event if self.reached else f"nearer than {self.threshold:.4g} to ({self.event})"
+        what = self.event if self.reached else f"within {self.nearest:.4g} of ({self.event})"
         said = f"seed {self.seed}: {what}: {self.probability:.3g} [{self.low:.3g}, {self.high:.3g}] at 95 %, by "
         said += f"{len(self.repeats)} repeats over {len(self.levels)} levels, {self.simulations} simulations"
         if not self.reached:
@@ -172,8 +176,12 @@ class _Flight:
         cases = _Cases(points, numbers, self._far(values, numbers), np.arange(n))
         probability, at = 1.0, 0
         while True:
-            if at == len(levels) and (self._descent.levels or not self._find(levels, cases.far)):
-                break
+            if at == len(levels):
+                if self._descent.levels or not self._find(levels, cases.far):
+                    break
+                if at == len(levels):  # nothing lies below that level yet
+                    cases = self._moved(cases, levels[-1])
+                    continue
             passed = cases.far <= levels[at]
             probability *= passed.mean()
             cases, at = cases.of(passed), at + 1
@@ -191,18 +199,17 @@ class _Flight:
         return row
 
     def _find(self, levels: list[float], far: Floats) -> bool:
-        """Add the next level of the pilot; return whether there is one."""
+        """Add the next level of the pilot if there are cases below the last one; return whether to go on."""
         above = levels[-1] if levels else math.inf
         level = float(np.sort(far)[math.ceil(SHARE * len(far)) - 1])
         if level >= above:  # many are equally near
             level = float(far[far < above].max(initial=-math.inf))
-        if self._simulated >= self._descent.most or len(levels) == MOST_LEVELS - 1:
-            level = float(far.min())  # this is as far as it goes
-            if level >= 0.0:
+        if self._simulated >= self._descent.most or len(levels) == MOST_LEVELS - 1:  # this is as far as it goes
+            if far.min() >= 0.0:
                 return False
-        if level == -math.inf:
-            return False
-        levels.append(level if level >= 0.0 else FAILS)
+            level = FAILS
+        if level > -math.inf:
+            levels.append(level if level >= 0.0 else FAILS)
         return True
 
     def _spread(self, cases: _Cases, level: float) -> _Cases:
@@ -220,7 +227,9 @@ class _Flight:
 
     def _moved(self, cases: _Cases, level: float) -> _Cases:
         """Return the cases after a move each, or where they were if that leads out of the level."""
-        points, numbers = self._proposed(cases.points, cases.numbers), self._renumbered(cases.numbers)
+        again = self._draws.uniform(len(cases.far)) < _REDRAWN  # values or the rest: both at once would seldom stay
+        numbers = np.where(again, self._renumbered(cases.numbers), cases.numbers)
+        points = np.where(again[:, np.newaxis], cases.points, self._proposed(cases.points, cases.numbers))
         values, _ = self._search.settled(self._cube.values(points), numbers)
         far = self._far(values, numbers)
         stays = far <= level
@@ -230,11 +239,10 @@ class _Flight:
         )  # fmt: skip
 
     def _renumbered(self, numbers: Integers) -> Integers:
-        """Return numbers of the same kind of case, some of them others."""
+        """Return other numbers of the same kind of case."""
         period = self._search.period
-        word, again = self._draws.uniform(2, len(numbers))
-        other = (word * (_NUMBERS / period)).astype(np.int64) * period + numbers % period
-        return np.where(again < _REDRAWN, other, numbers)
+        word = self._draws.uniform(len(numbers))
+        return (word * (_NUMBERS / period)).astype(np.int64) * period + numbers % period
 
     def _proposed(self, points: Floats, numbers: Integers) -> Floats:
         """Return points near by, from which the way back is as likely, among those that a campaign may draw."""
@@ -338,14 +346,14 @@ def rarity(descent: Descent, piloted: int, rows: NDArray[np.void]) -> Rarity:
         low, high = known.low, known.high
     else:
         low, high = mean_of_log_normal(found[found > 0.0])
-        low = low if (found > 0.0).all() else 0.0
+        low, high = (low if (found > 0.0).all() else 0.0), min(high, 1.0)
     reached = levels[-1] < 0.0
     failed = rows[rows["number"] >= 0][:1] if reached else rows[:0]
     named = dict(zip(descent.search.inputs.names, failed["values"][0].tolist(), strict=True)) if len(failed) else None
     return Rarity(
         descent.search.event, descent.seed, piloted + int(rows["simulations"].sum()), float(found.mean()), low, high,
         levels[:-1] if reached else levels, tuple(found.tolist()), int(rows["founders"].min()),
-        0.0 if reached else levels[-1], int(failed["number"][0]) if len(failed) else -1, named,
+        levels[-1], int(failed["number"][0]) if len(failed) else -1, named,
     )  # fmt: skip
 
 
@@ -353,7 +361,7 @@ def estimate_and_keep(
     given: str, settings: Sequence[str], out: Path | None, progress: Progress, *, seed: int, budget: int, repeats: int,
     workers: int,
 ) -> Rarity:  # fmt: skip
-    """Estimate how often cases of the study that a user names fail, and write one that does if there is a folder for it.
+    """Estimate how often cases of the study that a user names fail, and write one that does if there is a folder.
 
     Raises BadRequest: as `search_of` and `estimate`.
     """
