@@ -38,12 +38,15 @@ MUTANTS: dict[str, tuple[dict[str, float], float]] = {
 }
 
 
+CUBE = InputModel("cube", tuple(split(name, "1", [0.0, 0.5, 1.0]) for name in "xyz"))
+
+
 @dataclasses.dataclass(frozen=True)
 class Corner:
     """Fails as likely as it is said: where three inputs, and a number drawn beside them, are all large."""
 
     probability: float
-    inputs: InputModel = InputModel("cube", tuple(split(name, "1", [0.0, 0.5, 1.0]) for name in "xyz"))
+    inputs: InputModel = CUBE
     event: str = "all are large"
     study: object = None
     period: int = 1
@@ -89,8 +92,8 @@ def known(n: int, budget: int) -> None:
         held = sum(one.low <= probability <= one.high for one in ones)
         ends = [np.quantile([getattr(one, end) for one in ones], 0.5) / probability for end in ("low", "high")]
         mean = np.mean([one.probability for one in ones]) / probability
-        print(f"{probability:g}: held by {held} of {n} intervals; their median [{ends[0]:.2f}, {ends[1]:.2f}] times it, "
-              f"mean estimate {mean:.2f} times it; {np.mean([one.simulations for one in ones]):.0f} simulations; "
+        print(f"{probability:g}: held by {held} of {n} intervals; their medians [{ends[0]:.2f}, {ends[1]:.2f}] of it, "
+              f"mean estimate {mean:.2f} of it; {np.mean([one.simulations for one in ones]):.0f} simulations; "
               f"without a lower end {sum(one.low == 0.0 for one in ones)}", flush=True)  # fmt: skip
 
 
