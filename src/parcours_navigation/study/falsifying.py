@@ -79,7 +79,14 @@ class PlannerSearch:
         return self.study.cases.period
 
     def drawn(self, numbers: NDArray[np.int64]) -> Floats:
-        """Return the values that a campaign draws, shape (n, n_inputs)."""
+        """Return the values that a campaign draws, shape (n, n_inputs).
+
+        Raises BadRequest: its blocks are not all equally likely, whatever the others are.
+        """
+        combined = getattr(self.study.cases, "criterion", "each_choice")
+        if combined not in ("each_choice", "random", "all_combinations"):
+            rule = f"the blocks of an input must be equally likely whatever the others are, but combine={combined}"
+            raise BadRequest("rare", rule, "leave `combine` out", slug="rare-blocks")
         return self.study.cases.values(numbers)
 
     def settled(self, values: Floats, numbers: NDArray[np.int64]) -> tuple[Floats, NDArray[np.bool_]]:
