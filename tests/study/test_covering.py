@@ -76,14 +76,14 @@ def test_classes_meet_every_block_and_what_cannot_be_covered_is_refused(tmp_path
 
     drawn = np.random.default_rng(1).random((5000, 2)) * 2.0
     given = (INPUTS, lambda numbers: drawn[numbers], lambda numbers: ["ab"[n % 2] for n in numbers], ["a", "b"])
-    chosen = closing(request("pairwise = 100%"), *given)  # type: ignore[arg-type]
+    chosen = closing(request("pairwise = 100%"), *given)
     assert measure(drawn[list(chosen)], INPUTS).is_complete and len(chosen) <= 6
     of = np.array(chosen) % 2
     blocks = INPUTS.blocks_of(drawn[list(chosen)])
     assert all(len(np.unique(blocks[of == k, i])) == 2 for k in (0, 1) for i in (0, 1))
-    assert closing(request("stuck ± 1%"), *given) == ()  # type: ignore[arg-type]
-    assert len(closing(request("pairwise = 50%"), *given)) < len(chosen)  # type: ignore[arg-type]
+    assert closing(request("stuck ± 1%"), *given) == ()
+    assert len(closing(request("pairwise = 50%"), *given)) < len(chosen)
     wrong = {"pairs": ["pairwise = 100%"], "form": ["pairwise = 9%", "stuck ± 1%"]}
     for slug, until in wrong.items():
         with pytest.raises(BadRequest, match=f"until-{slug}"):
-            closing(request(*until, most=2), *given)  # type: ignore[arg-type]
+            closing(request(*until, most=2), *given)
