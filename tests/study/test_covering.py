@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from parcours.data import split
+from parcours.cli import parcours
+from parcours.data import measure, split
 from parcours.data.inputs import InputModel
 from parcours.errors import BadRequest
-from parcours.study.covering import Drawn, coverage
+from parcours.study.covering import Drawn, closing, coverage
 from parcours.study.finding import find
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Request
@@ -46,3 +48,42 @@ def test_a_campaign_is_asked_and_a_study_of_components_refused(tmp_path: Path) -
     assert goals["blocks, each"].held == goals["blocks, each"].wanted > 0 and "error" in goals["verdicts, each"].missing
     with pytest.raises(BadRequest, match="coverage-kind"):
         coverage({"x": object()})  # type: ignore[dict-item]
+
+
+def test_a_campaign_that_closes_pairs_runs_its_own_cases_those_that_fill_most_holes_first(tmp_path: Path) -> None:
+    parking = str(Path(__file__).parents[2] / "examples" / "parking")
+    words = ["run", parking, "--until", "pairwise = 100%", "--workers", "1", "--out"]
+    result = CliRunner().invoke(parcours, [*words, str(tmp_path / "pairs")])
+    assert result.exit_code in (0, 1) and "pairwise = 100%: by " in result.output
+    study = find(parking)
+    goals = {goal.name: goal for goal in coverage({"x": study.read(tmp_path / "pairs")})}
+    assert goals["blocks, pairs"].held == goals["blocks, pairs"].wanted > 0
+    kept = {one.name: one.read_bytes() for one in (tmp_path / "pairs").glob("shard*")}
+    again = CliRunner().invoke(parcours, [*words, str(tmp_path / "pairs")])  # resumed: nothing is left to do
+    CliRunner().invoke(parcours, [*words, str(tmp_path / "other")])
+    assert again.exit_code == result.exit_code and kept
+    assert all((tmp_path / "other" / name).read_bytes() == content for name, content in kept.items())
+    facts = study.read(tmp_path / "pairs").facts  # type: ignore[attr-defined]
+    plain = Request(settings_of(study.parameters, {"workers": 1}), 1, tmp_path / "all", int(facts["number"].max()) + 1)
+    study.run(plain, lambda what, done, total: None)
+    every = study.read(tmp_path / "all").facts  # type: ignore[attr-defined]
+    assert len(facts) < len(every) and every[facts["number"]].tobytes() == facts.tobytes()
+
+
+def test_classes_meet_every_block_and_what_cannot_be_covered_is_refused(tmp_path: Path) -> None:
+    def request(*until: str, most: int = 5000) -> Request:
+        return Request({}, 1, tmp_path, most, until=until)
+
+    drawn = np.random.default_rng(1).random((5000, 2)) * 2.0
+    given = (INPUTS, lambda numbers: drawn[numbers], lambda numbers: ["ab"[n % 2] for n in numbers], ["a", "b"])
+    chosen = closing(request("pairwise = 100%"), *given)
+    assert measure(drawn[list(chosen)], INPUTS).is_complete and len(chosen) <= 6
+    of = np.array(chosen) % 2
+    blocks = INPUTS.blocks_of(drawn[list(chosen)])
+    assert all(len(np.unique(blocks[of == k, i])) == 2 for k in (0, 1) for i in (0, 1))
+    assert closing(request("stuck ± 1%"), *given) == ()
+    assert len(closing(request("pairwise = 50%"), *given)) < len(chosen)
+    wrong = {"pairs": ["pairwise = 100%"], "form": ["pairwise = 9%", "stuck ± 1%"]}
+    for slug, until in wrong.items():
+        with pytest.raises(BadRequest, match=f"until-{slug}"):
+            closing(request(*until, most=2), *given)

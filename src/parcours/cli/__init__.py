@@ -42,6 +42,7 @@ COMMANDS = {
     "reproduce": "Failing cases of a campaign, run again and compared to the byte.",
     "studio": "Edit, run and watch the studies of a folder in the browser.",
     "falsify": "Look for a failing case over the input domains of a study.",
+    "rare": "How likely a case fails, where that is rare.",
     "shrink": "A failing case made small, and kept as a test.",
     "completion": "Print a script that completes commands in your shell.",
     "compile": "Compile all kernels now, on all processors.",

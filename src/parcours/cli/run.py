@@ -27,7 +27,7 @@ _COMMON = (
         "--until",
         multiple=True,
         metavar="RULE",
-        help='End once enough is known: "stuck ± 0.5%", "contacts < 1e-4"; may be repeated.',
+        help='End once enough is known: "stuck ± 0.5%", "contacts < 1e-4"; may be repeated. Or "pairwise = 100%".',
     ),
     count("--max-cases", most=100_000_000, help="With --until: how many at most.  [default: 1000000]"),
     click.option(
@@ -121,12 +121,13 @@ def _run(
     from parcours.study.hosting import isolate
     from parcours.study.journal import discard
     from parcours.study.selection import ids_of
-    from parcours.study.stopping import parse_rule
+    from parcours.study.stopping import pairs_wanted, parse_rule
 
     here = Path.cwd()
     target = out if study.kind == "components" else out.absolute()  # a guest may change the current folder
     conditions = [parse_condition(text) for text in fail_if]
-    rules = [parse_rule(text) for text in until]
+    if pairs_wanted(until) is None:
+        until = tuple(parse_rule(text).text for text in until)
     ids = ids_of(chosen, cases_from)
     if ids and n_cases is not None:
         rule = "it counts the first cases, but some were chosen"
@@ -145,9 +146,7 @@ def _run(
     if getattr(study, "compiles", False):
         say_if_cold()
     with terminable(), progress() as report:
-        outcome = study.run(
-            Request(settings, seed, target, n_cases, ids, tuple(one.text for one in rules), max_time), report
-        )
+        outcome = study.run(Request(settings, seed, target, n_cases, ids, until, max_time), report)
     os.chdir(here)
     click.echo(outcome.text.replace(str(target), str(out)), err=as_json)
     if outcome.interrupted:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
 from typing import Literal as TypingLiteral
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadDomain
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary, names
+
+if TYPE_CHECKING:
+    from parcours.data.inputs import InputModel
 
 Columns = Mapping[str, NDArray[np.float64]]
 """The values of each input, by name, all of shape (n_rows,)."""
@@ -68,6 +71,19 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
         rule = f"a condition must have a value on every row, but {constraint.expression} meets a {error}"
         remedy = "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds"
         raise BadDomain(f"constraint {constraint.name!r}", rule, remedy, slug="constraint-undefined") from None
+
+
+def allows(model: InputModel, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which rows of values, shape (n_rows, n_inputs), meet all constraints of a model, shape (n_rows,)."""
+    columns = {name: values[:, k] for k, name in enumerate(model.names)}
+    met = np.ones(len(values), bool)
+    for one in model.constraints:
+        if one.over == "values":
+            met &= meets(one, columns)
+        else:
+            blocks = model.blocks_of(values).astype(np.float64)
+            met &= meets(one, {name: blocks[:, k] for k, name in enumerate(model.names)})
+    return met
 
 
 def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:

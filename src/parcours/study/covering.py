@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from parcours.data import InputModel, cover, measure
 from parcours.errors import BadRequest
-from parcours.study.protocol import Results
+from parcours.study.protocol import Request, Results
+from parcours.study.stopping import MOST_CASES, pairs_wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +33,9 @@ class Covering(Protocol):
 
     def drawn(self) -> Drawn:
         """Return it."""
+
+
+_WINDOW = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,3 +82,51 @@ def coverage(results: Mapping[str, Results]) -> list[Goal]:
             wanted = sum(part.n_blocks for part in parts.values())
             goals.append(Goal(f"{name} x blocks", wanted, wanted - len(missing), missing))
     return goals
+
+
+def closing(
+    request: Request, inputs: InputModel, values: Callable[[NDArray[np.int64]], NDArray[np.float64]],
+    classes: Callable[[NDArray[np.int64]], Sequence[str]], every: Sequence[str],
+) -> tuple[int, ...]:  # fmt: skip
+    """Return numbers of cases that hold the pairs of blocks that a request ends with, the most missing pairs first.
+
+    They are those of the campaign without this rule: what each case is stays the same. Nothing is simulated for it.
+
+    Args:
+        request: () is returned unless its rules ask for pairs.
+        inputs: whose blocks are meant.
+        values: gives those of the inputs by the numbers of cases, shape (n, n_inputs).
+        classes: gives the class of each case, which is to meet every block: its start vector.
+        every: all classes.
+
+    Raises BadRequest: there are no pairs, or the first `request.n_cases` cases do not hold enough.
+    """
+    wanted = pairs_wanted(request.until)
+    if wanted is None:
+        return ()
+    sizes = [len(every), *inputs.sizes]
+    pairs = list(combinations(range(len(sizes)), 2))
+    if len(inputs.domains) < 2:
+        raise BadRequest("--until", "pairs need two test inputs at least", "give another rule", slug="until-pairs")
+    known = measure(np.zeros((0, len(inputs.domains))), inputs, 2)
+    total = known.n_wanted + len(every) * (sum(inputs.sizes) if len(every) > 1 else 0)
+    first = np.cumsum([0, *(sizes[a] * sizes[b] for a, b in pairs)])
+    held, chosen, most = np.zeros(first[-1], bool), list[int](), request.n_cases or MOST_CASES
+    held[: first[len(sizes) - 1]] = len(every) < 2  # one class for all is none
+    before = int(held.sum())
+    for start in range(0, most, _WINDOW):
+        numbers = np.arange(start, min(start + _WINDOW, most))
+        of = [every.index(one) for one in classes(numbers)]
+        blocks = np.column_stack([of, inputs.blocks_of(values(numbers))])
+        tuples = np.stack([first[k] + blocks[:, a] * sizes[b] + blocks[:, b] for k, (a, b) in enumerate(pairs)], axis=1)
+        while held.sum() - before < wanted * total:
+            gains = (~held[tuples]).sum(axis=1)
+            best = int(gains.argmax())
+            if not gains[best]:
+                break
+            chosen.append(int(numbers[best]))
+            held[tuples[best]] = True
+        else:
+            return tuple(chosen)
+    rule = f"{100.0 * wanted:g} % of {total} pairs are asked for, but {most} cases hold {held.sum() - before}"
+    raise BadRequest("--until", rule, "raise --max-cases, or ask for less", slug="until-pairs")

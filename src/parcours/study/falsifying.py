@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.data import InputModel
-from parcours.data.constraints import meets
+from parcours.data.constraints import allows
 from parcours.data.drawing import ends_of
 from parcours.errors import BadRequest
 from parcours.streams import starts, uniforms
@@ -79,6 +79,29 @@ class Cube:
         self._inputs = inputs
         self._ends = [np.array(ends_of(domain))[: len(domain.blocks)] for domain in inputs.domains]
         self.n = len(inputs.domains)
+        self.sizes = np.array([len(ends) for ends in self._ends], np.int64)
+
+    def blocks(self, points: Floats) -> NDArray[np.int64]:
+        """Return the block in which each value of points lies, shape (n, n_inputs)."""
+        return np.minimum((points * self.sizes).astype(np.int64), self.sizes - 1)
+
+    def points(self, values: Floats, within: Floats) -> Floats:
+        """Return points with these values, shape (n, n_inputs); `within` says where between two whole numbers.
+
+        >>> counts = Cube(InputModel("counts", (split("n", "1", [0.0, 1.0, 5.0]),)))
+        >>> counts.values(counts.points(np.array([[0.5], [4.0]]), np.zeros((2, 1)))).ravel().tolist()
+        [0.5, 4.0]
+        """
+        blocks, points = self._inputs.blocks_of(values), np.empty_like(values)
+        for k, (domain, ends) in enumerate(zip(self._inputs.domains, self._ends, strict=True)):
+            low, high = ends[blocks[:, k], :2].T
+            above = values[:, k] - low
+            if domain.kind == "angle":
+                above = np.where(above < 0.0, above + 2.0 * math.pi, above)
+            elif domain.kind in ("integer", "enumeration"):
+                above = above + within[:, k]
+            points[:, k] = (blocks[:, k] + np.clip(above / (high - low), 0.0, 1.0 - 1e-12)) / len(ends)
+        return points
 
     def values(self, points: Floats) -> Floats:
         """Return the values of points, shape (n, n_inputs)."""
@@ -95,15 +118,7 @@ class Cube:
 
     def allows(self, values: Floats) -> NDArray[np.bool_]:
         """Return which rows meet all constraints, shape (n,)."""
-        columns = {name: values[:, k] for k, name in enumerate(self._inputs.names)}
-        met = np.ones(len(values), bool)
-        for one in self._inputs.constraints:
-            if one.over == "values":
-                met &= meets(one, columns)
-            else:
-                blocks = self._inputs.blocks_of(values).astype(np.float64)
-                met &= meets(one, {name: blocks[:, k] for k, name in enumerate(self._inputs.names)})
-        return met
+        return allows(self._inputs, values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +159,7 @@ def falsify(
     if not cube.n:
         rule = "there must be test inputs to search over, but there are none"
         raise BadRequest("falsify", rule, "give the world `data`, or run a campaign", slug="falsify-inputs")
-    draws = _Draws(seed, cube)
+    draws = _Points(seed, cube)
     proposal, elite, scores = _Proposal(cube.n), np.zeros((0, cube.n)), np.zeros(0)
     best, nearest, at, done = math.inf, np.zeros(cube.n), 0, 0
     why = ""
@@ -184,34 +199,54 @@ class _Proposal:
         return bool((self.spread < _SETTLED).all())
 
 
-class _Draws:
-    """Points of the cube that meet the constraints, from one stream of random numbers."""
+class Draws:
+    """Uniform numbers of one stream, each once."""
 
-    def __init__(self, seed: int, cube: Cube) -> None:
-        self._cube, self._taken = cube, 0
-        self._start = starts(seed, np.zeros(1, np.int64), _PURPOSE)
+    def __init__(self, seed: int, stream: int = 0, purpose: int = _PURPOSE) -> None:
+        self._taken, self._start = 0, starts(seed, np.array([stream]), purpose)
 
-    def _uniform(self, *shape: int) -> Floats:
+    def uniform(self, *shape: int) -> Floats:
+        """Return the next ones, in [0, 1)."""
         n = math.prod(shape)
         found: Floats = uniforms(self._start, self._taken, n)[0].reshape(shape)
         self._taken += n
         return found
 
+
+class _Points(Draws):
+    """Points of the cube that meet the constraints."""
+
+    def __init__(self, seed: int, cube: Cube) -> None:
+        super().__init__(seed)
+        self._cube = cube
+
     def points(self, n: int, proposal: _Proposal | None) -> Floats:
         """Return points, shape (n, n_inputs): uniform without a proposal, else most of them from it."""
         found = np.zeros((0, self._cube.n))
         for _ in range(_TRIES):
-            points = self._uniform(n, self._cube.n)
+            points = self.uniform(n, self._cube.n)
             if proposal is not None and np.isfinite(proposal.spread).all():
-                normal = self._uniform(n, self._cube.n, 12).sum(axis=2) - 6.0
+                normal = self.uniform(n, self._cube.n, 12).sum(axis=2) - 6.0
                 near = proposal.mean + proposal.spread * normal
                 near = 1.0 - np.abs(1.0 - np.abs(near) % 2.0)  # thrown back at the faces of the cube
-                points = np.where(self._uniform(n, 1) < _ANYWHERE, points, near)
+                points = np.where(self.uniform(n, 1) < _ANYWHERE, points, near)
             found = np.concatenate([found, points[self._cube.allows(self._cube.values(points))]])
             if len(found) >= n:
                 return found[:n]
         rule = f"constraints must be met now and then, but {_TRIES} x {n} draws met them {len(found)} times"
         raise BadRequest("falsify", rule, "loosen them", slug="falsify-inputs")
+
+
+def search_of(given: str, settings: Sequence[str], seed: int) -> Search:
+    """Return the cases of the study that a user names, by their values.
+
+    Raises BadRequest: the study is unknown, a setting is wrong, or its cases cannot be run with given values.
+    """
+    study = find(given)
+    if not isinstance(study, Searchable):
+        rule = "its cases must be ones that can be run with any values of their test inputs, but they are not"
+        raise BadRequest(f"study {study.name!r}", rule, "run a campaign instead", slug="falsify-study")
+    return study.search(settings_of(study.parameters, pairs_of(settings), study.name), seed)
 
 
 def search_and_keep(
@@ -230,11 +265,7 @@ def search_and_keep(
 
     Raises BadRequest: the study is unknown, a setting is wrong, or its cases cannot be run with given values.
     """
-    study = find(given)
-    if not isinstance(study, Searchable):
-        rule = "its cases must be ones that can be run with any values of their test inputs, but they are not"
-        raise BadRequest(f"study {study.name!r}", rule, "run a campaign instead", slug="falsify-study")
-    search = study.search(settings_of(study.parameters, pairs_of(settings), study.name), seed)
+    search = search_of(given, settings, seed)
     found = falsify(search, seed=seed, budget=budget, progress=progress, method=cast(Method, method), cause=cause)
     if not found.cause:
         return found

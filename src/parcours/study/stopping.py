@@ -2,6 +2,7 @@
 
     rule     = rate ("±" | "+-") number ["%"] [confidence]    the rate is known to so much on either side
              | rate ("<" | "<=" | ">" | ">=") number ["%"] [confidence]    whether that holds is known
+             | "pairwise" "=" number "%"                             so many pairs of blocks were met; alone
     confidence = "with" number "% confidence"
 
 They are asked at the borders of shards, in the order of shards, of intervals that hold at all times at once
@@ -34,6 +35,26 @@ _RULE = re.compile(
     r"\s*(?P<limit>[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?)\s*(?P<percent>%)?"
     r"(?:\s+with\s+(?P<confidence>[0-9]+(?:\.[0-9]+)?)\s*%\s+confidence)?\s*"
 )
+
+_PAIRS = re.compile(r"\s*pairwise\s*(?:=|>=)\s*(?P<share>[0-9]+(?:\.[0-9]*)?)\s*%\s*")
+
+
+def pairs_wanted(rules: Sequence[str]) -> float | None:
+    """Return the share of pairs of blocks after which a campaign ends; None if its rules ask for none.
+
+    Raises BadRequest: it stands beside other rules, or is not above 0 and at most 100 %.
+
+    >>> pairs_wanted(["pairwise = 100%"]), pairs_wanted(["stuck ± 1%"])
+    (1.0, None)
+    """
+    found = [match for match in map(_PAIRS.fullmatch, rules) if match is not None]
+    if not found:
+        return None
+    share = float(found[0]["share"]) / 100.0
+    if len(rules) > 1 or not 0.0 < share <= 1.0:
+        rule = f"pairs of blocks are asked for alone, up to 100 %, but the rules are {', '.join(rules)}"
+        raise BadRequest("--until", rule, 'write --until "pairwise = 100%"', slug="until-form")
+    return share
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from parcours.abtc import AbstractCase, abstract_cases
 from parcours.data import Constraint, InputModel, parse_input_model
+from parcours.data.constraints import allows, meets
 from parcours.data.quick_drawing import Drawer
 from parcours.elementary import PI, atan2
 from parcours.errors import BadRequest, require_known
@@ -89,8 +90,7 @@ def _drawers(protocol: Protocol, robot_radius: float, obstacle_radius: float) ->
     if protocol == "published":
         return (Drawer(model),)
     vectors = [case.start_vector for case in start_cases()]
-    orders = [_order(vector, _leaders(vector)) for vector in vectors]
-    return tuple(Drawer(replace(model, constraints=(*model.constraints, *order))) for order in orders)
+    return tuple(Drawer(replace(model, constraints=(*model.constraints, *_order(vector)))) for vector in vectors)
 
 
 def _text(name: str) -> str:
@@ -183,6 +183,28 @@ class SystemCases:
             table[where] = drawn
         return table
 
+    @property
+    def period(self) -> int:
+        """By how much numbers differ of cases that set out in the same order."""
+        return PUBLISHED_CASES if self.protocol == "published" else len(start_cases())
+
+    def settled(
+        self, values: NDArray[np.float64], numbers: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return what these cases make of drawn values, shape (n, n_inputs), and whether they take them, shape (n,)."""
+        met = allows(self.inputs, values)
+        if self.protocol == "published":
+            return values, met
+        names, found = self.inputs.names, values.copy()
+        for a, abstract in enumerate(start_cases()):
+            where = np.flatnonzero(numbers % len(start_cases()) == a)
+            columns = {name: values[where, k] for k, name in enumerate(names)}
+            for rule in _order(abstract.start_vector) if len(where) else ():
+                met[where] &= meets(rule, columns)
+            for i, leader in enumerate(_leaders(abstract.start_vector)):
+                found[where, names.index(f"ds{i + 1}")] = columns[f"ds{leader + 1}"]
+        return found, met
+
     def _plan(self, n_cases: int) -> Plan:
         ids = [abstract.id for abstract in start_cases()]
         return combine(self.study, ids, self.inputs, seed=self.seed, n_cases=n_cases)
@@ -248,9 +270,10 @@ def _leaders(vector: tuple[int, ...]) -> list[int]:
     return leaders
 
 
-def _order(vector: tuple[int, ...], leaders: list[int]) -> tuple[Constraint, ...]:
+@functools.cache
+def _order(vector: tuple[int, ...]) -> tuple[Constraint, ...]:
     """Return the constraints on stop and move durations that put the obstacles in the order of the start vector."""
-    rules = []
+    rules, leaders = [], _leaders(vector)
     for i in range(1, len(vector)):
         offset = vector[i] - vector[i - 1]
         before, moves, this = f"ds{leaders[i - 1] + 1}", f"dm{i}", f"ds{i + 1}"

@@ -44,6 +44,15 @@ class Family(Protocol):
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the drawn values of the cases, shape (n, n_inputs)."""
 
+    @property
+    def period(self) -> int:
+        """By how much numbers differ of cases that differ in nothing but what is drawn beside the values."""
+
+    def settled(
+        self, values: NDArray[np.float64], numbers: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return what these cases make of drawn values, shape (n, n_inputs), and whether they take them, shape (n,)."""
+
     def suite(self, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
 

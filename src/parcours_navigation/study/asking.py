@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from parcours.errors import BadRequest
+from parcours.study.covering import closing
 from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Request
-from parcours_navigation.cases.family import PROTOCOLS, SystemCases
+from parcours_navigation.cases.family import PROTOCOLS, PUBLISHED_CASES, SystemCases
 from parcours_navigation.cases.running import Family
 from parcours_navigation.guests.staging import Cases
 from parcours_navigation.worlds.family import WorldCases
@@ -54,6 +55,19 @@ def world_cases(settings: Settings, seed: int, study: str = "navigation") -> Cas
     world = find_world(name)
     found = paper_cases(world, seed, study)
     return WorldCases(seed, world, study, str(settings.get("combine", "each_choice"))) if found is None else found
+
+
+def start_vectors(cases: Family) -> tuple[str, ...]:
+    """Return the start vectors that cases have, in words; the only one is empty where nothing orders cases."""
+    return tuple(dict.fromkeys(".".join(map(str, cases.vector(number))) for number in range(PUBLISHED_CASES)))
+
+
+def asked_for(cases: Family, request: Request) -> tuple[int, ...]:
+    """Return the numbers of the only cases that a request is for, chosen or to cover pairs of blocks; all if empty."""
+    return numbers_of(cases, request.chosen) or closing(
+        request, cases.inputs, cases.values,
+        lambda numbers: [".".join(map(str, cases.vector(number))) for number in numbers.tolist()], start_vectors(cases),
+    )  # fmt: skip
 
 
 def numbers_of(cases: Family, chosen: Sequence[str]) -> tuple[int, ...]:

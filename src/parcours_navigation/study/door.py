@@ -27,7 +27,7 @@ from parcours_navigation.study.asking import (
     REQUIREMENTS,
     TIME_LIMIT_DOC,
     WORLDS,
-    numbers_of,
+    asked_for,
     question_of,
     world_cases,
 )
@@ -113,7 +113,7 @@ class Navigation:
     def run(self, request: Request, progress: Progress) -> Run:
         """Run a campaign."""
         study = self.study(request.settings, request.seed)
-        chosen = numbers_of(study.cases, request.chosen)
+        chosen = asked_for(study.cases, request)
         return run_numbered(
             self.name, self.where, study, request.n_cases or self.n_cases, chosen, question_of(self, request),
             int(request.settings["workers"]), request, progress, str(request.settings["planner"]),

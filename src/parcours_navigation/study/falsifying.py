@@ -73,6 +73,26 @@ class PlannerSearch:
         rules = [f"not ({one.text})" for one in asked.formulas] + [one.text for one in asked.rules]
         return " or ".join(rules) or "collided"
 
+    @property
+    def period(self) -> int:
+        """By how much numbers differ of cases that differ in nothing but what is drawn beside the values."""
+        return self.study.cases.period
+
+    def drawn(self, numbers: NDArray[np.int64]) -> Floats:
+        """Return the values that a campaign draws, shape (n, n_inputs).
+
+        Raises BadRequest: its blocks are not all equally likely, whatever the others are.
+        """
+        combined = getattr(self.study.cases, "criterion", "each_choice")
+        if combined not in ("each_choice", "random", "all_combinations"):
+            rule = f"the blocks of an input must be equally likely whatever the others are, but combine={combined}"
+            raise BadRequest("rare", rule, "leave `combine` out", slug="rare-blocks")
+        return self.study.cases.values(numbers)
+
+    def settled(self, values: Floats, numbers: NDArray[np.int64]) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return what cases a campaign makes of drawn values, shape (n, n_inputs), and whether it takes them."""
+        return self.study.cases.settled(values, numbers)
+
     def simulate(self, values: Floats, numbers: NDArray[np.int64]) -> tuple[Floats, list[tuple[str, ...]]]:
         """Run cases; values that make no case pass it, far from failing.
 

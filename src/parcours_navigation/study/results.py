@@ -21,7 +21,6 @@ from parcours.study.reporting import replay_anchor
 from parcours.study.summing import worst_cases
 from parcours.study.tabling import TableColumn, field_columns, input_columns
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.facts import UNITS
 from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
@@ -36,6 +35,7 @@ from parcours_navigation.requirements.judging import (
 )
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import Ended, analyse
+from parcours_navigation.study.asking import start_vectors
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
 from parcours_navigation.study.outcome_tables import (
@@ -149,7 +149,7 @@ class CampaignResults:
         """Return what the cases were made of: test inputs, start vectors; and their outcomes."""
         cases, numbers = self.found.cases, self.found.facts["number"]
         of = np.array([".".join(map(str, cases.vector(int(number)))) for number in numbers], str)
-        starts = tuple(dict.fromkeys(".".join(map(str, cases.vector(number))) for number in range(PUBLISHED_CASES)))
+        starts = start_vectors(cases)
         words = [one.name.lower() for one in Outcome]
         classes = {"outcomes": (words, np.array(words)[outcomes(self.found.facts)])}
         if starts != ("",):

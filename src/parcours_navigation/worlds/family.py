@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.data import InputModel
+from parcours.data.constraints import allows
 from parcours.errors import ParcoursError
 from parcours.suite import Case, Plan, combine
 from parcours_navigation.protocol import SENSES
@@ -66,6 +67,17 @@ class WorldCases:
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the drawn values of the cases in the order of `inputs.names`, shape (n, n_inputs)."""
         return self._combined().values(numbers)
+
+    @property
+    def period(self) -> int:
+        """1: whatever is not in the values is drawn by the number."""
+        return 1
+
+    def settled(
+        self, values: NDArray[np.float64], numbers: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return what these cases make of drawn values, shape (n, n_inputs), and whether they take them, shape (n,)."""
+        return values, allows(self.inputs, values)
 
     def suite(self, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases as files keep them; by default as many as the criterion needs."""

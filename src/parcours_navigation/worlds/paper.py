@@ -89,6 +89,17 @@ class ArenaCases(SystemCases):
         """Return the drawn values of the cases, shape (n, n_inputs)."""
         return self.of.values(numbers)
 
+    @property
+    def period(self) -> int:
+        """By how much numbers of cases of the same kind differ."""
+        return self.of.period
+
+    def settled(
+        self, values: NDArray[np.float64], numbers: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return what these cases make of drawn values, and whether they take them."""
+        return self.of.settled(values, numbers)
+
     def suite(self, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
         return self.of.suite(n_cases)

@@ -18,7 +18,7 @@ from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
 from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.requirement import read_requirements
-from parcours_navigation.study.asking import CASES, REQUIREMENTS, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
+from parcours_navigation.study.asking import CASES, REQUIREMENTS, TIME_LIMIT_DOC, asked_for, cases_of, question_of
 from parcours_navigation.study.results import report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.whole import DECIDING
@@ -122,7 +122,7 @@ class RampSystem:
                                  slug="option-study")  # fmt: skip
         study = self.study(settings, request.seed)
         question = question_of(self, request)
-        n_cases, chosen = request.n_cases or PUBLISHED_CASES, numbers_of(study.cases, request.chosen)
+        n_cases, chosen = request.n_cases or PUBLISHED_CASES, asked_for(study.cases, request)
         run = run_numbered(
             self.name, self.where, study, n_cases, chosen, question, int(settings["workers"]), request, progress,
             str(settings["schedule"]), lambda facts: rates(facts, study.requirements),

@@ -68,6 +68,8 @@ def test_with_the_values_that_a_campaign_draws_a_case_is_the_campaign_s(given: d
     values = campaign.cases.values(numbers)
     again = search._with(values, numbers)  # type: ignore[attr-defined]
     assert again.run(numbers).tobytes() == campaign.run(numbers).tobytes()
+    settled, taken = search.settled(values, numbers + 5 * search.period)  # type: ignore[attr-defined]
+    assert taken.all() and (settled == values).all() and (search.drawn(numbers) == values).all()  # type: ignore[attr-defined]
     far, _ = search.simulate(values, numbers)
     assert (far < FAR).all() and (search.simulate(values[::-1], numbers[::-1])[0] == far[::-1]).all()
 
@@ -77,3 +79,15 @@ def test_what_cannot_be_searched_is_refused(tmp_path: Path) -> None:
     other = invoke("falsify", parking, "--out", str(tmp_path / "no"))
     assert "falsify-study" in str(other.exception) and other.exit_code
     assert not (tmp_path / "no").exists()
+
+
+def test_how_likely_a_failure_is_agrees_with_a_campaign_and_decides_the_exit_code(tmp_path: Path) -> None:
+    asked = ("rare", "navigation", "--set", "planner=straight-ahead", "--set", "fail=clearance < -0.18",
+             "--budget", "1500", "--repeats", "3", "--workers", "2", "--json")  # fmt: skip
+    result = invoke(*asked, "--max-probability", "0.5", "--out", str(tmp_path / "found"))
+    found = json.loads(result.stdout)
+    assert result.exit_code == 0 and found["event"] == "clearance < -0.18" and found["simulations"] <= 1500
+    facts = study().study(settings_of(study().parameters, {"planner": "straight-ahead"}), 9)(0, 2000)
+    assert found["low"] <= (facts["min_clearance"] < -0.18).mean() <= found["high"] < 0.5
+    assert "fails by clearance < -0.18" in Path(found["files"][1]).read_text()
+    assert invoke(*asked, "--max-probability", "0.001").exit_code == 1

@@ -21,7 +21,7 @@ from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.store import MANIFEST, Campaign, Store
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
-from parcours.study.stopping import Rates, Watch, parse_rule
+from parcours.study.stopping import Rates, Watch, pairs_wanted, parse_rule
 
 CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
 
@@ -94,16 +94,18 @@ def run_numbered(
         campaign = dataclasses.replace(campaign, parameters={**campaign.parameters, CHOSEN: list(chosen)})
         simulate = Chosen(numbered, chosen)
     folder = request.out.absolute()  # a guest may change the current folder
-    watch = Watch([parse_rule(text) for text in request.until], rates, np.zeros(0, campaign.dtype))
+    until = request.until if pairs_wanted(request.until) is None else ()  # those cases are chosen
+    watch = Watch([parse_rule(text) for text in until], rates, np.zeros(0, campaign.dtype))
     if not (folder / MANIFEST).exists():
         write_question(folder, name, where, question)  # first: whatever ends this process, it says what was asked
     outcome = run_campaign(
         simulate, campaign, folder, workers=workers,  # type: ignore[arg-type]
         progress=lambda done, total: progress(f"{name}, {label}\n{watch.so_far}", done, total),
-        enough=watch, rules=request.until, max_time=request.max_time,
+        enough=watch, rules=until, max_time=request.max_time,
     )  # fmt: skip
     write_question(folder, name, where, question)
-    return Run(outcome.interrupted, str(outcome))
+    closed = f"\n{request.until[0]}: by {len(chosen)} cases" if until != request.until else ""
+    return Run(outcome.interrupted, f"{outcome}{closed}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,7 @@ from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, run_apart
 from parcours.study.components.systems import ProgramPart
+from parcours.study.covering import closing
 from parcours.study.loading import file_of, read_source
 from parcours.study.parameters import Parameter, Scalar, Settings, natural, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
@@ -220,6 +221,9 @@ class CampaignStudy:
         chosen = [f"{ABSTRACT}/{one}" if one.isdecimal() else one for one in request.chosen]
         numbers = (
             tuple(case.number for case in chosen_cases(self.plan(request.seed), chosen, self.name)) if chosen else ()
+        )
+        numbers = numbers or closing(
+            request, self.inputs, self.plan(request.seed, _EVERY).values, lambda of: [""] * len(of), [""]
         )
         simulation = self.simulation(request.settings, request.seed)
         question = {"seed": request.seed, "settings": simulation.decides, "files": simulation.files}
