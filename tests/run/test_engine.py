@@ -277,6 +277,7 @@ def test_an_address_without_a_scheduler_and_a_machine_without_dask_are_refused(
 def test_a_study_is_run_from_the_command_line_and_its_file_is_shipped(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(engine, "_FIRST", 10)  # all in one portion
     cluster.start_worker("--nthreads", "1")
     study = f"/proc/self/fd/{os.open(PARKING, os.O_RDONLY)}/study.yaml"  # a path that no other process has
     ran = [

@@ -20,7 +20,7 @@ _FRESH = (
 """What runs leave in their folders."""
 
 _COMMON = (
-    count("--cases", "n_cases", most=100_000_000, help="How many, the first ones.  [default: the study's]"),
+    count("--cases", "n_cases", most=1_000_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
     click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, one id per line."),
     click.option(

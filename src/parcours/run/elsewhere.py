@@ -24,8 +24,8 @@ from parcours.run.atomic import sweep
 from parcours.run.heartbeat import RunsStrangers
 from parcours.run.raised import described
 from parcours.run.store import Rows, Store, open_results
-from parcours.run.strangers import Simulate, computed, resolve
-from parcours.run.workers import failure_of
+from parcours.run.strangers import Simulate, computed, crew_for, resolve
+from parcours.run.workers import Crew, failure_of
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "pyarrow")
 _LOG = logging.getLogger("distributed.parcours")  # shown in the log of a worker
@@ -109,10 +109,7 @@ class Portions:
         function: object = resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
         spans = [store.campaign.cases(shard) for shard in shards]
         if isinstance(function, RunsStrangers) and function.heartbeat_words:
-            # Not forked: this process has threads of Dask's.
-            found = computed(self.simulate, spans, 1, lambda k: store.name(shards[k]), forks=False) if spans else ()
-            for k, rows in found:
-                yield shards[k], rows
+            yield from self._strangers_rows(shards, spans)
             return
         for shard, span in zip(shards, spans, strict=True):
             if store.has(shard):  # by now: of a driver that was killed, another worker may still be at a portion
@@ -122,6 +119,25 @@ class Portions:
             except Exception as error:
                 raise failure_of(store.name(shard), described(error)) from error
             yield shard, rows
+
+    def _strangers_rows(self, shards: list[int], spans: list[range]) -> Iterator[tuple[int, Rows]]:
+        """Yield the rows of shards, from a process that is kept for the next portion: starting one takes seconds."""
+        store, key = self.store, pickle.dumps(self.simulate)
+        for other in [one for one in _crews if one != key]:
+            _crews.pop(other).close()
+        # Not forked: this process has threads of Dask's.
+        crew = _crews.pop(key, None) or crew_for(self.simulate, 1, forks=False)
+        try:
+            for k, rows in computed(self.simulate, spans, 1, lambda k: store.name(shards[k]), forks=False, crew=crew):
+                yield shards[k], rows
+        except BaseException:
+            crew.close()
+            raise
+        crew.apart.clear()
+        _crews[key] = crew
+
+
+_crews: dict[bytes, Crew[Rows]] = {}  # by the function that they compute, pickled; one at most
 
 
 @functools.cache
