@@ -103,7 +103,7 @@ def test_what_the_page_on_clusters_says_is_what_happens(tmp_path: Path) -> None:
         port = free.getsockname()[1]
     page = (DOCS / "tutorial-cluster.md").read_text(encoding="utf-8").replace(":8786", f":{port}")
     try:
-        assert run_page(page.replace("--port 8786", f"--port {port}"), tmp_path) >= 9
+        assert run_page(page.replace("--port 8786", f"--port {port}"), tmp_path) >= 8
     finally:  # also of a page that fails: nothing that it has started is left
         for process in tmp_path.glob("*.pid"):
             with contextlib.suppress(ProcessLookupError):

@@ -139,7 +139,9 @@ class Cluster:
 
     def end_scheduler(self) -> None:
         self.scheduler.kill()
-        self.scheduler.communicate()
+        self.scheduler.wait()
+        assert self.scheduler.stderr is not None
+        self.scheduler.stderr.close()
 
 
 @pytest.fixture

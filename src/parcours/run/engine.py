@@ -10,6 +10,7 @@ worker is sent is pickled, as all that Dask sends: who reaches a scheduler runs 
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import math
 import pickle
@@ -20,7 +21,7 @@ from typing import Any
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.elsewhere import Portions, compute, fitness, require_fit, versions
-from parcours.run.raised import described
+from parcours.run.raised import described, said
 from parcours.run.store import Store
 from parcours.run.strangers import Simulate
 
@@ -86,11 +87,16 @@ class _Launch:
         return dict(found)
 
     def run(self) -> Generator[int, None, None]:
-        self._send()
-        for future in self._answers:
-            shards = self._under_way.pop(future)
-            yield from self._finished(future, shards)
+        """Yield each shard once it is written. Raises as `launched`."""
+        try:
             self._send()
+            for future in self._answers:
+                yield from self._finished(future, self._under_way.pop(future))
+                self._send()
+        except ParcoursError:
+            raise
+        except (Exception, asyncio.CancelledError) as error:  # whatever of Dask's the lost line was noticed in
+            raise _lost(said(error)) from error
 
     def _send(self) -> None:
         """Keep all workers busy."""
@@ -109,9 +115,7 @@ class _Launch:
             self._pace.learn(future.result())
             return shards
         if future.status != "error":
-            rule = f"the scheduler must stay until all is computed, but it ended or gave up ({future.status})"
-            remedy = "start it again, and give the same command: what is finished is kept"
-            raise HostFailure("--engine dask", rule, remedy, slug="engine-lost")
+            raise _lost(future.status)
         error = future.exception()
         if isinstance(error, ParcoursError):
             raise error
@@ -160,6 +164,12 @@ class Pace:
         seconds = max(PORTION, workers / _PORTIONS_A_SECOND, 10.0 * self._to_start)
         enough = math.ceil(seconds / self._seconds) if math.isfinite(self._seconds) else _FIRST
         return min(enough, math.ceil(left / workers))
+
+
+def _lost(why: str) -> HostFailure:
+    rule = f"the scheduler must stay until all is computed, but it ended or gave up ({why})"
+    remedy = "start it again, and give the same command: what is finished is kept"
+    return HostFailure("--engine dask", rule, remedy, slug="engine-lost")
 
 
 def _imported() -> Any:
