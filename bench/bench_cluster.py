@@ -19,6 +19,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from parcours.errors import ParcoursError
 from parcours.run.campaign import run_campaign
 from parcours.run.store import Campaign
 from parcours_ramp.system.study import SystemStudy, system_study
@@ -85,8 +86,11 @@ def main() -> None:
     given = parser.parse_args()
     if given.drive:
         study, campaign = study_of(given.seed, given.cases)
-        outcome = run_campaign(study, campaign, Path(given.drive[0]), address=given.drive[1])
-        sys.exit(0 if not outcome.interrupted else 130)
+        try:
+            run_campaign(study, campaign, Path(given.drive[0]), address=given.drive[1])
+        except ParcoursError:  # the scheduler has ended: the next driver goes on
+            sys.exit(2)
+        return
     rng, killed, seed = random.Random(given.seed), Counter[str](), given.seed
     with tempfile.TemporaryDirectory(prefix="parcours-") as temporary:
         cluster = Cluster(Path(temporary), given.workers)

@@ -114,6 +114,13 @@ class _Launch:
         if future.status == "finished":
             self._pace.learn(future.result())
             return shards
+        if future.status in (
+            "lost",
+            "pending",
+        ):  # its worker died before it was asked: the scheduler sends it to another
+            self._under_way[future] = shards
+            self._answers.add(future)
+            return ()
         if future.status != "error":
             raise _lost(future.status)
         error = future.exception()
@@ -178,7 +185,9 @@ def _imported() -> Any:
     except ImportError as error:
         rule = "it needs the package distributed, which is not installed"
         raise BadRequest("--engine dask", rule, "pip install 'parcours[dask]'", slug="no-engine-extra") from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in our words
+    for name in list(logging.root.manager.loggerDict):  # what matters is said in our words
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     return distributed
 
 
