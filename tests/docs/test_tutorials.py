@@ -14,9 +14,12 @@ All other blocks are for reading only.
 
 from __future__ import annotations
 
+import contextlib
 import doctest
 import os
 import re
+import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -92,6 +95,19 @@ def edit(path: Path, difference: str) -> None:
 )
 def test_what_a_page_says_is_what_happens(name: str, least: int, tmp_path: Path) -> None:
     assert run_page((DOCS / f"{name}.md").read_text(encoding="utf-8"), tmp_path) >= least
+
+
+def test_what_the_page_on_clusters_says_is_what_happens(tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    page = (DOCS / "tutorial-cluster.md").read_text(encoding="utf-8").replace(":8786", f":{port}")
+    try:
+        assert run_page(page.replace("--port 8786", f"--port {port}"), tmp_path) >= 8
+    finally:  # also of a page that fails: nothing that it has started is left
+        for process in tmp_path.glob("*.pid"):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(int(process.read_text()), signal.SIGKILL)
 
 
 @pytest.mark.parametrize(

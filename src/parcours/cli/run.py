@@ -20,7 +20,7 @@ _FRESH = (
 """What runs leave in their folders."""
 
 _COMMON = (
-    count("--cases", "n_cases", most=100_000_000, help="How many, the first ones.  [default: the study's]"),
+    count("--cases", "n_cases", most=1_000_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
     click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, one id per line."),
     click.option(
@@ -36,6 +36,8 @@ _COMMON = (
         metavar="SECONDS",
         help="End after so much time, with the cases that are finished.",
     ),
+    click.option("--engine", type=click.Choice(["dask"]), help="Run campaigns on a cluster; --out is a shared folder."),
+    click.option("--address", metavar="ADDRESS", help="Of its scheduler: tcp://host:8786."),
     seed,
     click.option("--out", type=PATH, required=True, help="Folder for the results; resumed if it holds some."),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),
@@ -108,7 +110,7 @@ def study_command(study: Study, given: str) -> click.Command:
 
 def _run(
     study: Study, settings: dict[str, Any], n_cases: int | None, chosen: tuple[str, ...], cases_from: Path | None,
-    until: tuple[str, ...], max_cases: int | None, max_time: float | None,
+    until: tuple[str, ...], max_cases: int | None, max_time: float | None, engine: str | None, address: str | None,
     seed: int, out: Path, fresh: bool, junit: Path | None, fail_if: tuple[str, ...], baseline: Path | None,
     as_json: bool,
 ) -> None:  # fmt: skip
@@ -140,13 +142,20 @@ def _run(
     if (until or max_time) and not getattr(study, "stops", False):
         rule = f"it is for campaigns, but {study.name} is of kind {study.kind}"
         raise BadRequest("--until" if until else "--max-time", rule, "leave it out", slug="option-study")
+    if bool(engine) != bool(address):
+        rule = f"--engine and --address go together, but only {'--engine' if engine else '--address'} is given"
+        raise BadRequest("--engine", rule, "--engine dask --address tcp://host:8786", slug="option-study")
+    if engine and not getattr(study, "stops", False):
+        rule = f"it is for campaigns, but {study.name} is of kind {study.kind}"
+        raise BadRequest("--engine", rule, "leave it out", slug="option-study")
     if fresh:
         discard(out, _FRESH)
     isolate(str(settings.get("host", "")), str(settings.get("graph", "")))  # before the progress bar starts a thread
     if getattr(study, "compiles", False):
         say_if_cold()
     with terminable(), progress() as report:
-        outcome = study.run(Request(settings, seed, target, n_cases, ids, until, max_time), report)
+        request = Request(settings, seed, target, n_cases, ids, until, max_time, address or "")
+        outcome = study.run(request, report)
     os.chdir(here)
     click.echo(outcome.text.replace(str(target), str(out)), err=as_json)
     if outcome.interrupted:

@@ -79,7 +79,7 @@ class Outcome:
 
 def run_campaign(
     simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
-    enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None,
+    enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None, address: str = "",
 ) -> Outcome:  # fmt: skip
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C, SIGTERM or SIGHUP ends it early.
 
@@ -100,12 +100,15 @@ def run_campaign(
         rules: in words what `enough` goes by; where a folder was begun by others, it may end beyond its shards only.
         max_time: ends the campaign after so much time [s of wall clock], with the first shards that are finished; None:
             never.
+        address: of a Dask scheduler, whose workers then compute the shards in place of processes here, and write them
+            into the folder, which they must share; see `parcours.run.engine`.
 
     Raises:
         BadRequest: a count is out of range, `simulate` cannot be found or sent, or the folder cannot be
-            written to.
+            written to; or no scheduler answers, or a worker of it is not fit.
         BadResults: the folder holds something else, or another run is writing there.
-        HostFailure: `simulate` raised or gave results of the wrong form, or a worker died twice on a shard.
+        HostFailure: `simulate` raised or gave results of the wrong form, a worker died twice on a shard, or the
+            scheduler ended.
 
     >>> import numpy as np, tempfile
     >>> def squares(first: int, count: int) -> Rows:
@@ -123,30 +126,29 @@ def run_campaign(
     with claimed(folder):
         damaged = store.damaged()
         store.discard(damaged)
-        outcome = _run(function, task, store, workers, progress, enough, tuple(rules), max_time)
+        outcome = _run(function, task, store, workers, progress, enough, tuple(rules), max_time, address)
     return replace(outcome, repaired=damaged)
 
 
 def _run(
     function: Simulate, sent: Simulate | str, store: Store, workers: int, progress: Progress | None,
-    enough: Enough | None, rules: tuple[str, ...], max_time: float | None,
+    enough: Enough | None, rules: tuple[str, ...], max_time: float | None, address: str,
 ) -> Outcome:  # fmt: skip
     folder, campaign = store.folder, store.campaign
-    order = _InOrder(store, enough or (lambda rows: ""), _may_stop(store, rules))
+    order = _InOrder(store, enough, _may_stop(store, rules))
     missing = () if order.is_enough() else store.missing()
     finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
     report = progress or (lambda done, total: None)
     report(finished, campaign.n_cases)
-    task = _ComputeShard(sent, store)
+    if address and missing:
+        from parcours.run.engine import launched
 
-    def name(shard: int) -> str:
-        cases = campaign.cases(shard)
-        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
-
+        shards = launched(sent, store, missing, address)
+    else:
+        shards = _done(function, _ComputeShard(sent, store), missing, workers, store.name)
     try:
         with (
-            terminable(), limited(max_time if missing else None, _TimeIsOver),
-            contextlib.closing(_done(function, task, missing, workers, name)) as done,
+            terminable(), limited(max_time if missing else None, _TimeIsOver), contextlib.closing(shards) as done,
         ):  # fmt: skip
             for shard in done:
                 finished += len(campaign.cases(shard))
@@ -192,14 +194,14 @@ class _InOrder:
           ^ next - 1
     """
 
-    def __init__(self, store: Store, enough: Enough, stop: Stop) -> None:
+    def __init__(self, store: Store, enough: Enough | None, stop: Stop) -> None:
         self._store, self._enough, self.stop = store, enough, stop
         self.next, self.why = 0, ""
 
     def is_enough(self) -> bool:
         """Look at the shards that are new, and return whether those before `next` are enough."""
         shards = self._store.campaign.shards
-        while not self.why and self.next < len(shards) and self._store.has(self.next):
+        while self._enough and not self.why and self.next < len(shards) and self._store.has(self.next):
             try:
                 rows = self._store.read(self.next)
             except BadResults:  # strangers' code has changed it: it is put back in the end

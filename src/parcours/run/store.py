@@ -75,6 +75,11 @@ class Store:
         """Return where a shard's rows lie; their sum lies beside them, with .sha256 appended."""
         return self.folder / f"shard-{shard:06d}.parquet"
 
+    def name(self, shard: int) -> str:
+        """Return what to call a shard in a message."""
+        cases = self.campaign.cases(shard)
+        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
+
     def finished(self) -> set[int]:
         """Return the shards that are finished, also those beyond a case at which a rule has ended the campaign."""
         with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as files:

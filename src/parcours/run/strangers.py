@@ -148,7 +148,13 @@ class _Work:
 
 
 def computed(
-    simulate: Simulate | str, spans: Sequence[range], workers: int, name: Callable[[int], str], *, forks: bool
+    simulate: Simulate | str,
+    spans: Sequence[range],
+    workers: int,
+    name: Callable[[int], str],
+    *,
+    forks: bool,
+    crew: Crew[Rows] | None = None,
 ) -> Generator[tuple[int, Rows], None, None]:
     """Yield (span, its rows) as they are complete: where strangers' code costs a case, as the function says of it.
 
@@ -162,19 +168,16 @@ def computed(
         workers: how many processes.
         name: what to call a span in a message.
         forks: whether workers are forked of this process; see `Crew`.
+        crew: that `crew_for` made of the same function, and that is kept by the caller; by default one that ends here.
 
     Raises:
         HostFailure: the function raised, or a worker died or hung before it had reached a case.
         ParcoursError: an error of ours that it raised.
     """
     function: object = resolve(simulate) if isinstance(simulate, str) else simulate
-    assert isinstance(function, RunsStrangers)
     failure: ParcoursError | None = None
-    patience = float(getattr(function, "patience_to_load", math.inf))
-    crew = Crew(
-        _Compute(simulate), workers, forks=forks, n_words=function.heartbeat_words, patience=patience, strangers=True
-    )
-    with contextlib.closing(crew):
+    kept, crew = crew is not None, crew or crew_for(simulate, workers, forks=forks)
+    with contextlib.nullcontext() if kept else contextlib.closing(crew):
         work = _Work(function, spans, crew)
         for key, answer in crew.answers():
             span = work.span_of(key)
@@ -191,6 +194,16 @@ def computed(
                 crew.pending.clear()
     if failure is not None:
         raise failure
+
+
+def crew_for(simulate: Simulate | str, workers: int, *, forks: bool) -> Crew[Rows]:
+    """Return processes that compute cases of a function that runs strangers' code. Close them in the end."""
+    function: object = resolve(simulate) if isinstance(simulate, str) else simulate
+    assert isinstance(function, RunsStrangers)
+    patience = float(getattr(function, "patience_to_load", math.inf))
+    return Crew(
+        _Compute(simulate), workers, forks=forks, n_words=function.heartbeat_words, patience=patience, strangers=True
+    )
 
 
 def lost_before(name: str, why: str) -> HostFailure:

@@ -37,10 +37,11 @@ class Request:
     out: Path  # folder for the results; resumed if it holds part of the same run
     n_cases: int | None = None  # how many cases, the first ones; None leaves it to the study
     chosen: tuple[str, ...] = ()  # ids of the only cases to run, in the order of the plan; all if empty
-    # rules that end the run (`parcours.study.stopping`), and its longest time [s of wall clock]; of studies that say
-    # `stops = True` only
+    # rules that end the run (`parcours.study.stopping`), its longest time [s of wall clock], and the Dask scheduler
+    # whose workers run the cases (`parcours.run.engine`); of studies that say `stops = True` only
     until: tuple[str, ...] = ()
     max_time: float | None = None
+    address: str = ""
 
 
 @dataclass(frozen=True, slots=True)

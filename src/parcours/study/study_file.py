@@ -26,8 +26,9 @@ KIND_GROUP = "parcours.kinds"
 _COMMON = ("doc", "kind", "parameters")
 # Options that commands or kinds of study have: no parameter may have their names
 _OPTIONS = (
-    "as_json", "baseline", "case", "cases", "cases_from", "chosen", "fail_if", "fresh", "graph", "help", "host", "json",
-    "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study", "workers",
+    "address", "as_json", "baseline", "case", "cases", "cases_from", "chosen", "engine", "fail_if", "fresh",
+    "graph", "help", "host", "json", "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study",
+    "workers",
 )  # fmt: skip
 
 

@@ -101,7 +101,9 @@ def run_numbered(
     outcome = run_campaign(
         simulate, campaign, folder, workers=workers,  # type: ignore[arg-type]
         progress=lambda done, total: progress(f"{name}, {label}\n{watch.so_far}", done, total),
-        enough=watch, rules=until, max_time=request.max_time,
+        # on a cluster nothing is read here that need not be: results are written faster than one process reads them
+        enough=None if request.address and not until else watch, rules=until, max_time=request.max_time,
+        address=request.address,
     )  # fmt: skip
     write_question(folder, name, where, question)
     closed = f"\n{request.until[0]}: by {len(chosen)} cases" if until != request.until else ""
