@@ -9,23 +9,20 @@ exp and log within 2.5e-16 relative.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parcours.kernels import kernel
-
-Floats = NDArray[np.float64]
 
 PI = 3.141592653589793
 TAU = 6.283185307179586
 
-_HALF_PI_HIGH = 1.5707963267341256  # the first 33 bits of pi/2: k * high is exact for |k| < 2**20
-_HALF_PI_LOW = 6.077100506506192e-11
+HALF_PI_HIGH = 1.5707963267341256  # the first 33 bits of pi/2: k * high is exact for |k| < 2**20
+HALF_PI_LOW = 6.077100506506192e-11
 _LN2_HIGH = 6.93147180369123816490e-01
 _LN2_LOW = 1.90821492927058770002e-10
 
 
 @kernel
-def _sin_cos_near_zero(r: float) -> tuple[float, float]:
+def sin_cos_near_zero(r: float) -> tuple[float, float]:
     """Return (sin r, cos r) for |r| <= pi/4 and a little more."""
     z = r * r
     s = r + r * z * (
@@ -71,8 +68,8 @@ def sin_cos(x: float) -> tuple[float, float]:
     (0.479425538604203, 0.877582561890373)
     """
     turns = np.floor(x * 0.6366197723675814 + 0.5)
-    r = (x - turns * _HALF_PI_HIGH) - turns * _HALF_PI_LOW
-    s, c = _sin_cos_near_zero(r)
+    r = (x - turns * HALF_PI_HIGH) - turns * HALF_PI_LOW
+    s, c = sin_cos_near_zero(r)
     quadrant = int(turns) & 3
     if quadrant == 0:
         return s, c
@@ -81,26 +78,6 @@ def sin_cos(x: float) -> tuple[float, float]:
     if quadrant == 2:
         return -s, -c
     return -c, s
-
-
-@kernel
-def sin_cos_each(angles: Floats, sines: Floats, cosines: Floats) -> None:
-    """Fill in sin and cos of each angle [rad], shape (n,): the bits of `sin_cos`, but several angles at a time.
-
-    >>> s, c = np.empty(2), np.empty(2)
-    >>> sin_cos_each(np.array([0.5, -4.0]), s, c)
-    >>> (s[1], c[1]) == sin_cos(-4.0)
-    True
-    """
-    for k in range(len(angles)):
-        turns = np.floor(angles[k] * 0.6366197723675814 + 0.5)
-        s, c = _sin_cos_near_zero((angles[k] - turns * _HALF_PI_HIGH) - turns * _HALF_PI_LOW)
-        # In numbers rather than words, and without a jump: processors do both of these one at a time.
-        quadrant = turns - 4.0 * np.floor(0.25 * turns)
-        is_odd = (quadrant == 1.0) | (quadrant == 3.0)
-        sine, cosine = c if is_odd else s, s if is_odd else c
-        sines[k] = -sine if quadrant >= 2.0 else sine
-        cosines[k] = -cosine if (quadrant == 1.0) | (quadrant == 2.0) else cosine
 
 
 @kernel
@@ -184,7 +161,8 @@ def exp(x: float) -> float:
         )
     )
     y = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    power, left = 2.0 if k > 0.0 else 0.5, int(abs(k))
+    power = 2.0 if k > 0.0 else 0.5
+    left = int(abs(k))
     while left > 0:  # times 2**k, which is exact
         if left & 1 == 1:
             y *= power

@@ -9,12 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.elementary import PI, TAU, atan2, exp, log, sin_cos, sin_cos_each, wrap
+from parcours.elementary import PI, TAU, atan2, exp, log, sin_cos, wrap
 
 ABSOLUTE = 2.3e-16
 """One unit in the last place of 1: the most by which sin and cos may miss the library's."""
@@ -36,18 +35,6 @@ def test_sine_of_small_angles_keeps_its_relative_precision(x: float) -> None:
 
 
 sides = st.floats(1e-150, 1e150) | st.floats(-1e150, -1e-150)
-
-
-def test_many_sines_and_cosines_at_a_time_are_to_the_bit_those_of_one() -> None:
-    rng = np.random.default_rng(4)
-    angles = np.concatenate(
-        [rng.uniform(-9.0, 9.0, 999), rng.normal(0.0, 1e4, 999), np.arange(-9, 9) * (PI / 4.0), [-0.0]]
-    )
-    sines, cosines = np.empty(len(angles)), np.empty(len(angles))
-    sin_cos_each(angles, sines, cosines)
-    alone = np.array([sin_cos(angle) for angle in angles.tolist()])
-    assert sines.tobytes() == alone[:, 0].tobytes()
-    assert cosines.tobytes() == alone[:, 1].tobytes()
 
 
 @given(sides, sides)

@@ -12,11 +12,11 @@ import math
 
 import numpy as np
 
-from parcours.elementary import TAU, exp, log, sin_cos, sin_cos_each
+from parcours.elementary import TAU, exp, log, sin_cos
 from parcours.kernels import kernel
 from parcours.streams import Stream, below, start, uniform
 from parcours_navigation.arena.contact import gap_square
-from parcours_navigation.planners.motion import Options, extrapolate, runs_into, settled
+from parcours_navigation.planners.motion import Options, extrapolate, runs_into, settled, sin_cos_each
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from parcours.elementary import sin_cos
+from parcours.elementary import PI, sin_cos
 from parcours.errors import BadRequest
 from parcours.streams import start
 from parcours_navigation.arena.contact import gap_square
+from parcours_navigation.planners.motion import sin_cos_each
 from parcours_navigation.planners.mppi import (
     _MOVING,
     COLLISION,
@@ -160,6 +161,18 @@ def test_futures_keep_the_limits_whatever_was_drawn() -> None:
     assert np.abs(wild[:, 1]).max() <= math.pi / 2
     assert np.abs(steps[:, 0]).max() <= 0.2 + 1e-12
     assert np.abs(steps[:, 1]).max() <= 0.4188 + 1e-12
+
+
+def test_many_sines_and_cosines_at_a_time_are_to_the_bit_those_of_one() -> None:
+    rng = np.random.default_rng(4)
+    angles = np.concatenate(
+        [rng.uniform(-9.0, 9.0, 999), rng.normal(0.0, 1e4, 999), np.arange(-9, 9) * (PI / 4.0), [-0.0]]
+    )
+    sines, cosines = np.empty(len(angles)), np.empty(len(angles))
+    sin_cos_each(angles, sines, cosines)
+    alone = np.array([sin_cos(angle) for angle in angles.tolist()])
+    assert sines.tobytes() == alone[:, 0].tobytes()
+    assert cosines.tobytes() == alone[:, 1].tobytes()
 
 
 def test_futures_driven_side_by_side_are_to_the_bit_those_that_are_driven_alone() -> None:
