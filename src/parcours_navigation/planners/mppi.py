@@ -28,6 +28,7 @@ _HALT_STEP = 0.1
 
 _CRUISE = 0.6
 """Fresh sequences are drawn around this share of top speed, straight ahead."""
+_ROUNDED = 1.0 + 1e-6  # more than rounding takes from a distance
 _MOVING = 1e-3
 """A robot that moves less than this in a step closes no gap [m]."""
 COLLISION, PROGRESS, HEADING, GAP, CONTROL = range(5)
@@ -135,10 +136,9 @@ def _move(v: Floats, new_v: Floats, step: float, dx: Floats, dy: Floats) -> None
 
 @kernel
 def _note_near(
-    x: Floats, y: Floats, dx: Floats, dy: Floats, obstacle: Floats, later: Floats, reach: float, near: Floats
+    x: Floats, y: Floats, dx: Floats, dy: Floats, px: float, py: float, qx: float, qy: float, reach: float, near: Floats
 ) -> None:
-    """Set `near` to 1 where a future's step comes within `reach` [m] of an obstacle that moves on meanwhile."""
-    px, py, qx, qy = obstacle[0], obstacle[1], later[0], later[1]
+    """Set `near` to 1 where a future comes within `reach` of an obstacle that moves from p to q meanwhile [m]."""
     for k in range(len(near)):
         square = gap_square(px - x[k], py - y[k], qx - x[k] - dx[k], qy - y[k] - dy[k])
         near[k] = 1.0 if square < reach * reach else near[k]
@@ -171,8 +171,12 @@ def _drive(
         sin_cos_each(near, dy, dx)
         _move(lanes[V, t], lanes[V, t + 1], step, dx, dy)
         near[:] = 0.0
+        far = (t + 1) * step * max(limits[0], abs(robot[3]))  # no future has come farther than this
         for i in range(n):
-            _note_near(x, y, dx, dy, places[t, i], places[t + 1, i], reaches[i] + comfort, near)
+            px, py, qx, qy = places[t, i, 0], places[t, i, 1], places[t + 1, i, 0], places[t + 1, i, 1]
+            square, reach = gap_square(px - robot[0], py - robot[1], qx - robot[0], qy - robot[1]), reaches[i] + comfort
+            if not square > (far + reach) * (far + reach) * _ROUNDED + _ROUNDED - 1.0:
+                _note_near(x, y, dx, dy, px, py, qx, qy, reach, near)
         for k in range(n_samples):
             lanes[X, t + 1, k] = x[k] + dx[k]
         for k in range(n_samples):
