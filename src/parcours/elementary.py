@@ -15,22 +15,15 @@ from parcours.kernels import kernel
 PI = 3.141592653589793
 TAU = 6.283185307179586
 
-_HALF_PI_HIGH = 1.5707963267341256  # the first 33 bits of pi/2: k * high is exact for |k| < 2**20
-_HALF_PI_LOW = 6.077100506506192e-11
+HALF_PI_HIGH = 1.5707963267341256  # the first 33 bits of pi/2: k * high is exact for |k| < 2**20
+HALF_PI_LOW = 6.077100506506192e-11
 _LN2_HIGH = 6.93147180369123816490e-01
 _LN2_LOW = 1.90821492927058770002e-10
 
 
 @kernel
-def sin_cos(x: float) -> tuple[float, float]:
-    """Return (sin x, cos x), x in radians.
-
-    >>> s, c = sin_cos(0.5)
-    >>> round(s, 15), round(c, 15)
-    (0.479425538604203, 0.877582561890373)
-    """
-    turns = np.floor(x * 0.6366197723675814 + 0.5)
-    r = (x - turns * _HALF_PI_HIGH) - turns * _HALF_PI_LOW
+def sin_cos_near_zero(r: float) -> tuple[float, float]:
+    """Return (sin r, cos r) for |r| <= pi/4 and a little more."""
     z = r * r
     s = r + r * z * (
         -1.66666666666666324348e-01
@@ -63,6 +56,20 @@ def sin_cos(x: float) -> tuple[float, float]:
             )
         )
     )
+    return s, c
+
+
+@kernel
+def sin_cos(x: float) -> tuple[float, float]:
+    """Return (sin x, cos x), x in radians.
+
+    >>> s, c = sin_cos(0.5)
+    >>> round(s, 15), round(c, 15)
+    (0.479425538604203, 0.877582561890373)
+    """
+    turns = np.floor(x * 0.6366197723675814 + 0.5)
+    r = (x - turns * HALF_PI_HIGH) - turns * HALF_PI_LOW
+    s, c = sin_cos_near_zero(r)
     quadrant = int(turns) & 3
     if quadrant == 0:
         return s, c
@@ -154,9 +161,13 @@ def exp(x: float) -> float:
         )
     )
     y = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    factor = 2.0 if k > 0.0 else 0.5
-    for _ in range(int(abs(k))):
-        y *= factor
+    power = 2.0 if k > 0.0 else 0.5
+    left = int(abs(k))
+    while left > 0:  # times 2**k, which is exact
+        if left & 1 == 1:
+            y *= power
+        power *= power
+        left >>= 1
     return float(y)
 
 

@@ -28,6 +28,21 @@ def parcours(*arguments: object, code: int = 0) -> str:
     return done.stderr if code == 2 else done.stdout
 
 
+def test_a_campaign_in_simulated_time_loads_nothing_that_it_does_not_need(tmp_path: Path) -> None:
+    program = (
+        f"import sys; sys.argv = ['parcours', 'run', 'ramp_system', '--cases', '1', '--out', {str(tmp_path / 'o')!r}]\n"
+        "from parcours.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "needless = {'pandas', 'pyarrow.compute', 'urllib.request', 'matplotlib', 'scipy.stats', 'rich.progress',\n"
+        "            'parcours.study.components.archive', 'parcours_ramp.system.live_results',\n"
+        "            'parcours_ramp.system.component_form', 'parcours_ramp.planner.planner'}\n"
+        "print('NEEDLESS', sorted(needless & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "NEEDLESS []" in done.stdout, done.stdout
+    assert (tmp_path / "o" / "campaign.json").exists()
+
+
 def test_help_names_every_stage_and_imports_nothing_heavy() -> None:
     program = (
         "import sys; sys.argv = ['parcours', '--help']\n"

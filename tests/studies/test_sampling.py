@@ -13,7 +13,8 @@ from parcours.cli import parcours
 from parcours_ramp.planner import viewing
 from parcours_ramp.system import sampling
 from parcours_ramp.system.component_form import run_components
-from parcours_ramp.system.sampling import judge_sampled, read_sampled
+from parcours_ramp.system.sampled_results import read_sampled
+from parcours_ramp.system.sampling import judge_sampled
 from parcours_ramp.system.study import SCHEDULES, system_study
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,12 +23,14 @@ def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
     Args:
         clock: tells the time [s]; it decides only when a line is printed, and what it says of time.
     """
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+    console = None
+    if sys.stderr.isatty() or os.environ.get("FORCE_COLOR"):
+        from rich.console import Console
+        from rich.markup import escape
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-    console = Console(stderr=True)
-    if not console.is_terminal:
+        console = Console(stderr=True)
+    if console is None or not console.is_terminal:
         lines = _Lines(clock)
         try:
             yield lines.report

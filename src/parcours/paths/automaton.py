@@ -123,23 +123,26 @@ def network(graph: Graph, sequences: Sequence[tuple[int, ...]]) -> Network:
     n_states = len(graph.states)
     numbered = {0: 0}
     queue, built = [0], Network([0], [], [], [], [])
+    children, suffix, n_edges = trie.children, trie.suffix, trie.n_edges
 
     def visit(place: int, state: int) -> int:
-        if place not in numbered:
-            numbered[place] = len(queue)
+        number = numbered.setdefault(place, len(queue))
+        if number == len(queue):
             queue.append(place)
             built.states.append(state)
-        return numbered[place]
+        return number
 
     entered: dict[int, int] = {}
     for node, place in enumerate(queue):
         begun, state = max(place - n_states, 0), built.states[node]
         if begun in ended and begun:
-            back = trie.suffix[begun]
+            back = suffix[begun]
             _join(built, node, visit(back + n_states if back else state, state), SILENT, required=True)
             continue
         for edge in leaving[state]:
-            then = trie.after(begun, edge)
+            then = children.get(begun * n_edges + edge)
+            if then is None:
+                then = trie.after(suffix[begun], edge) if begun else 0
             target = visit(then + n_states if then else into[edge], into[edge])
             entered[target] = entered.get(target, 0) + 1
             _join(built, node, target, edge, required=False)

@@ -73,8 +73,11 @@ def graph_of(machine: Machine) -> Graph:
     leaving: dict[str, list[Transition]] = {}
     for transition in machine.transitions:
         leaving.setdefault(transition.source, []).append(transition)
-    reached = breadth_first([machine.initial], lambda state: ((each, each.target) for each in leaving.get(state, ())))
-    number = {state: place for place, state in enumerate(reached)}
+    number, queue = {machine.initial: 0}, [machine.initial]
+    for state in queue:  # grows while it is read
+        for each in leaving.get(state, ()):
+            if number.setdefault(each.target, len(queue)) == len(queue):
+                queue.append(each.target)
     edges = [transition for transition in machine.transitions if transition.source in number]
     sources = [number[transition.source] for transition in edges]
     targets = [number[transition.target] for transition in edges]
@@ -96,11 +99,17 @@ def stranded(n_states: int, sources: Sequence[int], targets: Sequence[int], ends
     >>> stranded(3, [0, 0], [1, 2], ends=[1])
     (2,)
     """
-    entering: list[list[tuple[int, int]]] = [[] for _ in range(n_states)]
-    for edge, (source, target) in enumerate(zip(sources, targets, strict=True)):
-        entering[target].append((edge, source))
-    returning = set(breadth_first(ends, entering.__getitem__))
-    return tuple(state for state in range(n_states) if state not in returning)
+    entering: list[list[int]] = [[] for _ in range(n_states)]
+    for source, target in zip(sources, targets, strict=True):
+        entering[target].append(source)
+    queue = list(ends)
+    returning = [False] * n_states
+    while queue:
+        state = queue.pop()
+        if not returning[state]:
+            returning[state] = True
+            queue += entering[state]
+    return tuple(state for state, returns in enumerate(returning) if not returns)
 
 
 def breadth_first(

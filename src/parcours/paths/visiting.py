@@ -174,16 +174,17 @@ def _euler_tour(sources: Sequence[int], targets: Sequence[int], taken: Sequence[
     for queue in waiting.values():
         queue.reverse()  # so that pop() takes the first
     tour: list[int] = []
-    trail: list[tuple[int, int]] = [(root, -1)]
+    trail, node = [-1], root  # the arcs taken so far, and where the last one leads
     while trail:
-        node, taken_last = trail[-1]
-        queue = waiting.get(node, [])
-        if queue:
-            arc = queue.pop()
-            trail.append((targets[arc], arc))
+        left = waiting.get(node)
+        if left:
+            arc = left.pop()
+            trail.append(arc)
+            node = targets[arc]
         else:
-            trail.pop()
-            tour.append(taken_last)
+            arc = trail.pop()
+            tour.append(arc)
+            node = sources[arc]  # of the first, which is none, it does not matter
     tour.reverse()
     return tour[1:]
 

@@ -91,7 +91,9 @@ def _packed(values: NDArray[Any]) -> pyarrow.Array:
 
     flat = np.ascontiguousarray(values).reshape(-1)
     if flat.dtype.kind in "biuf" and flat.dtype.itemsize <= 8:
-        array = pa.array(flat)
+        # Of its memory: pa.array(flat) would load pandas wherever it is installed, a second for nothing.
+        bits = np.packbits(flat, bitorder="little") if flat.dtype.kind == "b" else flat
+        array = pa.Array.from_buffers(pa.from_numpy_dtype(flat.dtype), len(flat), [None, pa.py_buffer(bits)])
     elif flat.dtype.kind == "S":
         array = pa.array(flat.tolist(), pa.binary())
     else:  # as it lies in memory
@@ -101,13 +103,22 @@ def _packed(values: NDArray[Any]) -> pyarrow.Array:
 
 def _unpacked(array: pyarrow.Array, like: NDArray[Any]) -> NDArray[Any]:
     """Return the values of a column in the shape and of the dtype of `like`. Raises ValueError: they are others."""
-    flat = array if like.ndim == 1 else array.flatten()
-    if flat.null_count or len(flat) != like.size:
+    import pyarrow as pa
+
+    flat = array
+    if like.ndim > 1:  # flatten() would load all that pyarrow can compute
+        first, end = (array.offsets[0].as_py(), array.offsets[-1].as_py()) if len(array) else (0, 0)
+        flat = array.values.slice(first, end - first)
+    if array.null_count or flat.null_count or len(flat) != like.size:
         raise ValueError(f"{like.size} values are expected, but it holds {len(flat)}")
     if like.dtype.kind in "biuf" and like.dtype.itemsize <= 8:
-        found = flat.to_numpy(zero_copy_only=False)
-        if found.dtype != like.dtype:
-            raise ValueError(f"values of {like.dtype} are expected, but it holds {found.dtype}")
+        if flat.type != pa.from_numpy_dtype(like.dtype):
+            raise ValueError(f"values of {like.dtype} are expected, but it holds {flat.type}")
+        memory, first, end = flat.buffers()[1] or b"", flat.offset, flat.offset + len(flat)
+        if like.dtype.kind == "b":
+            found = np.unpackbits(np.frombuffer(memory, np.uint8), bitorder="little")[first:end].view(bool)
+        else:
+            found = np.frombuffer(memory, like.dtype, end)[first:] if end else np.empty(0, like.dtype)
     elif like.dtype.kind == "S":
         found = np.array(flat.to_pylist(), like.dtype)
     else:

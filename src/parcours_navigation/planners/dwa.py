@@ -15,12 +15,13 @@ import numpy as np
 from parcours.elementary import PI, atan2, sin_cos, wrap
 from parcours.kernels import kernel
 from parcours_navigation.arena.contact import gap_square
-from parcours_navigation.planners.motion import Options, extrapolate, settled, travel
+from parcours_navigation.planners.motion import Options, extrapolate, settled
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task
 
 _STRAIGHT = 1e-9
+_KEEN = 16  # so many candidates are searched for; more would cost more than they save
 
 
 @kernel
@@ -75,20 +76,47 @@ World = tuple[Floats, Floats, int, float]
 
 
 @kernel
+def _speed(i: int, n_v: int, v_low: float, v_high: float) -> float:
+    """Return the speed of row i of the window [m/s]; the last is that of braking."""
+    return v_high - (v_high - v_low) * i / (n_v - 1) if i < n_v else 0.0
+
+
+@kernel
+def _look(
+    robot: Floats, goal: tuple[float, float], v_low: float, v_high: float, w_low: float, w_high: float, alpha: float,
+    interval: float, weight: float, looks: Floats,
+) -> None:  # fmt: skip
+    """Fill in what each candidate gets for its heading at the goal, shape (n_v + 1, n_w)."""
+    n_v, n_w = looks.shape[0] - 1, looks.shape[1]
+    for j in range(n_w):
+        w = w_low + (w_high - w_low) * j / (n_w - 1)
+        half = 0.5 * w * interval  # as `travel` does, where all speeds share what it asks of the yaw rate
+        s, c = sin_cos(robot[2] + half)
+        share = sin_cos(half)[0] / half if abs(half) > _STRAIGHT else 1.0
+        heading = robot[2] + w * interval + 0.5 * w * abs(w) / alpha
+        for i in range(n_v + 1):
+            mean = _speed(i, n_v, v_low, v_high) * share
+            x, y = robot[0] + mean * c * interval, robot[1] + mean * s * interval
+            off = abs(wrap(atan2(goal[1] - y, goal[0] - x) - heading))
+            looks[i, j] = weight * (1.0 - off / PI)
+
+
+@kernel
 def best_speeds(
     robot: Floats,
     goal: tuple[float, float],
     speed: float,
     limits: Floats,
     world: World,
-    window: tuple[float, float, int, int],
+    window: tuple[float, float],
     weights: Floats,
     comfort: float,
+    memory: Floats,
 ) -> tuple[float, float]:
     """Return the admissible (v, w) [m/s, rad/s] of the highest objective; v is 0 if nothing else is admissible.
 
-    `limits` are speed, yaw rate, acceleration, yaw acceleration; `window` interval, reaction, n_v and n_w of OPTIONS;
-    `weights` those of heading, clearance, velocity and gap.
+    `limits` are speed, yaw rate, acceleration, yaw acceleration; `window` interval and reaction of OPTIONS; `weights`
+    those of heading, clearance, velocity and gap; `memory` has two words a candidate, shape (2, n_v + 1, n_w).
     """
     #      w          the dynamic window: what the accelerations let the robot have after `interval`,
     #  +max ┌───────────────────┐             cut by its limits; (v, w) is now
@@ -99,27 +127,50 @@ def best_speeds(
     #  -max └───────────────────┘
     #       0     n_v          top  v
     places, reaches, n, step = world
-    interval, reaction, n_v, n_w = window
+    interval, reaction = window
+    looks, promises = memory[0], memory[1]
+    n_v, n_w = looks.shape[0] - 1, looks.shape[1]
     top, a, alpha = limits[0], limits[2], limits[3]
     v_high = max(min(robot[3] + a * interval, speed), 0.0)
     v_low = min(max(robot[3] - a * interval, 0.0), v_high)
     w_low, w_high = max(robot[4] - alpha * interval, -limits[1]), min(robot[4] + alpha * interval, limits[1])
     horizon = (places.shape[0] - 1) * step
-    best, best_v, best_w = -np.inf, 0.0, 0.0
+    _look(robot, goal, v_low, v_high, w_low, w_high, alpha, interval, weights[0], looks)
     for i in range(n_v + 1):
-        v = v_high - (v_high - v_low) * i / (n_v - 1) if i < n_v else 0.0
+        free = weights[2] * _speed(i, n_v, v_low, v_high) / top + weights[3] * comfort / comfort
         for j in range(n_w):
-            w = w_low + (w_high - w_low) * j / (n_w - 1)
+            promises[i, j] = looks[i, j] + weights[1] + free
+    # Obstacles only take from what a candidate promises, also when rounded: rounding keeps order. So those that promise
+    # most are driven first, then the others in turn that can still be better; of equal ones the first is the best.
+    best, best_v, best_w, best_at = -np.inf, 0.0, 0.0, looks.size
+    still, contact_still, gap_still = False, np.inf, comfort
+    for turn in range(_KEEN + looks.size):
+        most, at = -np.inf, turn - _KEEN
+        if turn < _KEEN:
+            for i in range(n_v + 1):
+                for j in range(n_w):
+                    if promises[i, j] > most:
+                        most, at = promises[i, j], i * n_w + j
+        else:
+            most = promises[at // n_w, at % n_w]
+        if most == -np.inf or most < best or (most == best and at > best_at):
+            if turn < _KEEN:
+                break
+            continue
+        at_i, at_j = at // n_w, at % n_w
+        promises[at_i, at_j] = -np.inf
+        v, w = _speed(at_i, n_v, v_low, v_high), w_low + (w_high - w_low) * at_j / (n_w - 1)
+        contact, closing, gap = contact_still, np.inf, gap_still
+        if v > 0.0 or not still:
             contact, closing, gap = drive_arc(robot, v, w, places, reaches, n, step, comfort)
-            if not is_admissible(v, closing, a, reaction):
-                continue
-            x, y = travel(robot[0], robot[1], robot[2], v, w, interval)
-            heading = robot[2] + w * interval + 0.5 * w * abs(w) / alpha
-            off = abs(wrap(atan2(goal[1] - y, goal[0] - x) - heading))
-            value = weights[0] * (1.0 - off / PI) + weights[1] * min(contact / horizon, 1.0)
-            value += weights[2] * v / top + weights[3] * max(gap, 0.0) / comfort
-            if value > best:
-                best, best_v, best_w = value, v, w
+        if v == 0.0:  # where the robot stands, its yaw rate changes nothing
+            still, contact_still, gap_still = True, contact, gap
+        if not is_admissible(v, closing, a, reaction):
+            continue
+        value = looks[at_i, at_j] + weights[1] * min(contact / horizon, 1.0)
+        value += weights[2] * v / top + weights[3] * max(gap, 0.0) / comfort
+        if value > best or (value == best and at < best_at):
+            best, best_v, best_w, best_at = value, v, w, at
     return best_v, best_w
 
 
@@ -150,7 +201,8 @@ class Dwa:
         o = self._options = settled("dwa", OPTIONS, options)
         settled("dwa", {"horizon": (o.horizon, o.step, 60.0, "s")}, {})
         self._n_steps = math.ceil(o.horizon / o.step - 1e-9)
-        self._window = (o.interval, o.reaction, o.n_v, o.n_w)
+        self._window = (o.interval, o.reaction)
+        self._memory = np.empty((2, o.n_v + 1, o.n_w))
         self._weights = np.array([o.heading, o.clearance, o.velocity, o.gap])
         self._places, self._reaches = np.empty((self._n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
@@ -177,5 +229,7 @@ class Dwa:
             self._reaches = np.empty(len(obstacles))
         n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
         world = self._places, self._reaches, n, o.step
-        v, w = best_speeds(robot, aim[:2], speed, self._limits, world, self._window, self._weights, o.comfort)
+        v, w = best_speeds(
+            robot, aim[:2], speed, self._limits, world, self._window, self._weights, o.comfort, self._memory
+        )
         return Command(v, w)

@@ -16,7 +16,7 @@ from parcours.elementary import TAU, exp, log, sin_cos
 from parcours.kernels import kernel
 from parcours.streams import Stream, below, start, uniform
 from parcours_navigation.arena.contact import gap_square
-from parcours_navigation.planners.motion import Options, extrapolate, runs_into, settled
+from parcours_navigation.planners.motion import Options, extrapolate, runs_into, settled, sin_cos_each
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task
@@ -28,10 +28,14 @@ _HALT_STEP = 0.1
 
 _CRUISE = 0.6
 """Fresh sequences are drawn around this share of top speed, straight ahead."""
+_ROUNDED = 1.0 + 1e-6  # more than rounding takes from a distance
 _MOVING = 1e-3
 """A robot that moves less than this in a step closes no gap [m]."""
 COLLISION, PROGRESS, HEADING, GAP, CONTROL = range(5)
 """Columns of the weights of a future's cost."""
+X, Y, HEADING_NOW, V, W, DX, DY, NEAR = range(8)
+"""What is known of all futures at each step: place, heading and speeds before it, its move, whether that is near."""
+LANES = 8
 
 
 @kernel
@@ -54,62 +58,6 @@ def shift_plan(plan: Floats, steps: float) -> None:
         after = min(k + 1, last)
         plan[t, 0] = (1.0 - share) * plan[k, 0] + share * plan[after, 0]
         plan[t, 1] = (1.0 - share) * plan[k, 1] + share * plan[after, 1]
-
-
-@kernel
-def roll_out(
-    robot: Floats,
-    controls: Floats,
-    goal_x: float,
-    goal_y: float,
-    limits: Floats,
-    places: Floats,
-    reaches: Floats,
-    n: int,
-    step: float,
-    weights: Floats,
-    comfort: float,
-) -> float:
-    """Return the cost of one future, and replace its speeds by those that the robot's limits let it have.
-
-    `controls` are v, w [m/s, rad/s] to have at the end of each step, shape (n_steps, 2); `limits` speed, yaw rate,
-    acceleration, yaw acceleration; `places`, `reaches` and `n` those of `extrapolate`, an instant after each step.
-    """
-    n_steps = controls.shape[0]
-    reach_v, reach_w = limits[2] * step, limits[3] * step
-    x, y, heading, v, w = robot[0], robot[1], robot[2], robot[3], robot[4]
-    least, cost = comfort, 0.0
-    touched = False
-    for t in range(n_steps):
-        new_v = min(max(min(max(controls[t, 0], v - reach_v), v + reach_v), 0.0), limits[0])
-        new_w = min(max(min(max(controls[t, 1], w - reach_w), w + reach_w), -limits[1]), limits[1])
-        way, turn = 0.5 * (v + new_v) * step, 0.5 * (w + new_w) * step
-        v, w = new_v, new_w
-        controls[t, 0], controls[t, 1] = v, w
-        s, c = sin_cos(heading + 0.5 * turn)
-        heading += turn
-        dx, dy = way * c, way * s
-        for i in range(n):
-            x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
-            x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
-            square = gap_square(x0, y0, x1, y1)
-            if square < (reaches[i] + least) * (reaches[i] + least):
-                least = min(least, np.sqrt(square) - reaches[i])
-                if square < reaches[i] * reaches[i]:
-                    urgency = 1.0 - t / n_steps
-                    if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
-                        return float(cost + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS])
-                    if not touched:
-                        touched = True
-                        cost += weights[COLLISION] * 0.5 * urgency
-        x += dx
-        y += dy
-    to_x, to_y = goal_x - x, goal_y - y
-    far = float(np.sqrt(to_x * to_x + to_y * to_y))
-    s, c = sin_cos(heading)
-    off = 1.0 - (c * to_x + s * to_y) / max(far, 1e-9)
-    cost += weights[PROGRESS] * far + weights[HEADING] * off * min(far, 1.0)
-    return float(cost + weights[GAP] * (1.0 - max(least, 0.0) / comfort))
 
 
 @kernel
@@ -162,6 +110,120 @@ def average(samples: Floats, costs: Floats, temperature: float, plan: Floats) ->
 
 
 @kernel
+def _limit(wanted: Floats, before: Floats, reach: float, low: float, high: float, after: Floats) -> None:
+    """Fill in the speeds that the limits let each future have after a step: `reach` from those before, low to high."""
+    for k in range(len(after)):
+        after[k] = min(max(min(max(wanted[k], before[k] - reach), before[k] + reach), low), high)
+
+
+@kernel
+def _turn(w: Floats, new_w: Floats, heading: Floats, step: float, middle: Floats, new_heading: Floats) -> None:
+    """Fill in each future's heading after a step and in its middle [rad]."""
+    for k in range(len(w)):
+        turn = 0.5 * (w[k] + new_w[k]) * step
+        middle[k] = heading[k] + 0.5 * turn
+        new_heading[k] = heading[k] + turn
+
+
+@kernel
+def _move(v: Floats, new_v: Floats, step: float, dx: Floats, dy: Floats) -> None:
+    """Turn (cos, sin) of each future's direction in a step into how it moves [m]."""
+    for k in range(len(v)):
+        way = 0.5 * (v[k] + new_v[k]) * step
+        dx[k] = way * dx[k]
+        dy[k] = way * dy[k]
+
+
+@kernel
+def _note_near(
+    x: Floats, y: Floats, dx: Floats, dy: Floats, px: float, py: float, qx: float, qy: float, reach: float, near: Floats
+) -> None:
+    """Set `near` to 1 where a future comes within `reach` of an obstacle that moves from p to q meanwhile [m]."""
+    for k in range(len(near)):
+        square = gap_square(px - x[k], py - y[k], qx - x[k] - dx[k], qy - y[k] - dy[k])
+        near[k] = 1.0 if square < reach * reach else near[k]
+
+
+@kernel
+def _drive(
+    robot: Floats, samples: Floats, limits: Floats, world: tuple[Floats, Floats, int, float], comfort: float,
+    lanes: Floats,
+) -> None:  # fmt: skip
+    """Drive all futures side by side, each in a lane, within the limits, and note where they come near to obstacles.
+
+    Fills in the rows of `lanes`: see V and those below it.
+    """
+    #            lane  0 │ 1 │ 2 │ ... n_samples     one instruction of the processor moves several futures on:
+    #   step 0   ────────┼───┼───┼───                nothing that it does for one depends on another, or on where
+    #   step 1   ────────┼───┼───┼───                that one is
+    places, reaches, n, step = world
+    n_samples, n_steps = samples.shape[0], samples.shape[1]
+    for k in range(n_samples):
+        lanes[X, 0, k], lanes[Y, 0, k], lanes[HEADING_NOW, 0, k] = robot[0], robot[1], robot[2]
+        lanes[V, 0, k], lanes[W, 0, k] = robot[3], robot[4]
+    for t in range(n_steps):
+        x, y, dx, dy, near = lanes[X, t], lanes[Y, t], lanes[DX, t], lanes[DY, t], lanes[NEAR, t]
+        for k in range(n_samples):
+            dx[k], dy[k] = samples[k, t, 0], samples[k, t, 1]
+        _limit(dx, lanes[V, t], limits[2] * step, 0.0, limits[0], lanes[V, t + 1])
+        _limit(dy, lanes[W, t], limits[3] * step, -limits[1], limits[1], lanes[W, t + 1])
+        _turn(lanes[W, t], lanes[W, t + 1], lanes[HEADING_NOW, t], step, near, lanes[HEADING_NOW, t + 1])
+        sin_cos_each(near, dy, dx)
+        _move(lanes[V, t], lanes[V, t + 1], step, dx, dy)
+        near[:] = 0.0
+        far = (t + 1) * step * max(limits[0], abs(robot[3]))  # no future has come farther than this
+        for i in range(n):
+            px, py, qx, qy = places[t, i, 0], places[t, i, 1], places[t + 1, i, 0], places[t + 1, i, 1]
+            square, reach = gap_square(px - robot[0], py - robot[1], qx - robot[0], qy - robot[1]), reaches[i] + comfort
+            if not square > (far + reach) * (far + reach) * _ROUNDED + _ROUNDED - 1.0:
+                _note_near(x, y, dx, dy, px, py, qx, qy, reach, near)
+        for k in range(n_samples):
+            lanes[X, t + 1, k] = x[k] + dx[k]
+        for k in range(n_samples):
+            lanes[Y, t + 1, k] = y[k] + dy[k]
+
+
+@kernel
+def _cost(
+    k: int, goal_x: float, goal_y: float, world: tuple[Floats, Floats, int, float], weights: Floats, comfort: float,
+    lanes: Floats, controls: Floats,
+) -> float:  # fmt: skip
+    """Return the cost of one future that was driven, and fill in the speeds it had, up to where it runs into something.
+
+    `controls` are v, w [m/s, rad/s] at the end of each step, shape (n_steps, 2).
+    """
+    places, reaches, n, step = world
+    n_steps = controls.shape[0]
+    least, cost = comfort, 0.0
+    touched = False
+    for t in range(n_steps):
+        controls[t, 0], controls[t, 1] = lanes[V, t + 1, k], lanes[W, t + 1, k]
+        if lanes[NEAR, t, k] == 0.0:
+            continue
+        x, y, dx, dy = lanes[X, t, k], lanes[Y, t, k], lanes[DX, t, k], lanes[DY, t, k]
+        way = 0.5 * (lanes[V, t, k] + lanes[V, t + 1, k]) * step
+        for i in range(n):
+            x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
+            x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
+            square = gap_square(x0, y0, x1, y1)
+            if square < (reaches[i] + least) * (reaches[i] + least):
+                least = min(least, np.sqrt(square) - reaches[i])
+                if square < reaches[i] * reaches[i]:
+                    urgency = 1.0 - t / n_steps
+                    if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
+                        return float(cost + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS])
+                    if not touched:
+                        touched = True
+                        cost += weights[COLLISION] * 0.5 * urgency
+    to_x, to_y = goal_x - lanes[X, n_steps, k], goal_y - lanes[Y, n_steps, k]
+    far = float(np.sqrt(to_x * to_x + to_y * to_y))
+    s, c = sin_cos(lanes[HEADING_NOW, n_steps, k])
+    off = 1.0 - (c * to_x + s * to_y) / max(far, 1e-9)
+    cost += weights[PROGRESS] * far + weights[HEADING] * off * min(far, 1.0)
+    return float(cost + weights[GAP] * (1.0 - max(least, 0.0) / comfort))
+
+
+@kernel
 def score(
     robot: Floats,
     goal: tuple[float, float],
@@ -171,12 +233,34 @@ def score(
     comfort: float,
     samples: Floats,
     costs: Floats,
+    lanes: Floats,
 ) -> None:
-    """Add the cost of each future to the cost of its control; `world` is places, reaches, n and step of `roll_out`."""
-    places, reaches, n, step = world
+    """Add the cost of each future to that of its control, and replace its speeds by those that the limits allow.
+
+    `samples` are v, w [m/s, rad/s] to have at the end of each step, shape (n_samples, n_steps, 2); `limits` speed, yaw
+    rate, acceleration, yaw acceleration; `world` is places, reaches, n and step of `extrapolate`, an instant after each
+    step; `lanes` is memory, shape (LANES, n_steps + 1, n_samples).
+    """
+    _drive(robot, samples, limits, world, comfort, lanes)
     for k in range(samples.shape[0]):
-        cost = roll_out(robot, samples[k], goal[0], goal[1], limits, places, reaches, n, step, weights, comfort)
+        cost = _cost(k, goal[0], goal[1], world, weights, comfort, lanes, samples[k])
         costs[k] = cost + weights[CONTROL] * costs[k]
+
+
+@kernel
+def improve(
+    robot: Floats, goal: tuple[float, float], limits: Floats, world: tuple[Floats, Floats, int, float],
+    weights: Floats, comfort: float, noise: tuple[Floats, float, float], stream: Stream, pool: Floats, plan: Floats,
+    samples: Floats, costs: Floats, lanes: Floats,
+) -> None:  # fmt: skip
+    """Replace the plan by the average of futures around it: `sample`, `score` and `average` in one call.
+
+    `noise` is spread and fresh of `sample`, and the temperature of `average`.
+    """
+    spread, fresh, temperature = noise
+    sample(plan, limits[0], spread, fresh, stream, pool, samples, costs)
+    score(robot, goal, limits, world, weights, comfort, samples, costs, lanes)
+    average(samples, costs, temperature, plan)
 
 
 OPTIONS: Options = {
@@ -211,11 +295,11 @@ class Mppi:
 
     def __init__(self, **options: float) -> None:
         o = self._options = settled("mppi", OPTIONS, options)
-        self._spread = np.array([o.speed_spread, o.yaw_rate_spread, o.smooth])
+        self._noise = np.array([o.speed_spread, o.yaw_rate_spread, o.smooth]), o.fresh, o.temperature
         self._weights = np.array([o.collision, o.progress, o.heading, o.gap, o.control])
         self._stream, self._pool = np.zeros(1, np.uint64), np.empty(_POOL)
         self._plan, self._samples = np.zeros((o.n_steps, 2)), np.empty((o.n_samples, o.n_steps, 2))
-        self._costs = np.empty(o.n_samples)
+        self._costs, self._lanes = np.empty(o.n_samples), np.empty((LANES, o.n_steps + 1, o.n_samples))
         self._places, self._reaches = np.empty((o.n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
         self._surroundings, self._route = Surroundings(), Route(o.margin)
@@ -249,10 +333,11 @@ class Mppi:
             self._places = np.empty((len(self._plan) + 1, len(obstacles), 2))
             self._reaches = np.empty(len(obstacles))
         n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
-        sample(self._plan, top, self._spread, o.fresh, self._stream, self._pool, self._samples, self._costs)
         world = self._places, self._reaches, n, o.step
-        score(robot, aim[:2], self._limits, world, self._weights, o.comfort, self._samples, self._costs)
-        average(self._samples, self._costs, o.temperature, self._plan)
+        improve(
+            robot, aim[:2], self._limits, world, self._weights, o.comfort, self._noise, self._stream, self._pool,
+            self._plan, self._samples, self._costs, self._lanes,
+        )  # fmt: skip
         v, w = min(float(self._plan[0, 0]), speed), float(self._plan[0, 1])
         radius = task.robot_radius + o.halt_margin
         if o.halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, o.halt_time, _HALT_STEP)[1] >= 0:

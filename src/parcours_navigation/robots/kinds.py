@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from parcours.elementary import PI, atan2, sin_cos
+from parcours.elementary import PI, sin_cos
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record
 from parcours.streams import starts
@@ -170,7 +170,7 @@ def _require_convex(corners: tuple[tuple[float, float], ...], radius: float) -> 
         _within(f"footprint, corner {k + 1}", y, -100.0, 100.0, "m")
         (x1, y1), (x2, y2) = corners[(k + 1) % len(corners)], corners[(k + 2) % len(corners)]
         cross = (x1 - x) * (y2 - y1) - (y1 - y) * (x2 - x1)
-        turned += atan2(cross, (x1 - x) * (x2 - x1) + (y1 - y) * (y2 - y1))
+        turned += math.atan2(cross, (x1 - x) * (x2 - x1) + (y1 - y) * (y2 - y1))
         if cross <= 0.0:
             rule = (
                 f"its corners must go round a convex polygon counter-clockwise, but ({x1:g}, {y1:g}) does not turn left"

@@ -35,8 +35,8 @@ from parcours_ramp.components.relations import relations
 from parcours_ramp.components.second_programs import SecondPrograms
 from parcours_ramp.components.specimens import specimens
 from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner import DECIDING
 from parcours_ramp.planner.viewing import message_of
-from parcours_ramp.planner.whole import DECIDING
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
 """Executable cases per interaction test path (Table VIII), for function and for time each."""

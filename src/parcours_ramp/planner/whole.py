@@ -17,16 +17,6 @@ from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
 
 COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathModification", "Control", "Sensing")
 
-DECIDING = tuple(
-    f"parcours_ramp.planner.{name}"
-    for name in (
-        "collision", "control", "control_cycle", "corner", "guard", "path_modification", "planner", "planner_state",
-        "planning_cycle", "population", "prediction", "profile", "route", "sensing_cycle", "service", "switching",
-        "trajectory", "trajectory_evaluation", "trajectory_generator",
-    )
-)  # fmt: skip
-"""The modules that decide what components do; the others hold parameters and the forms of messages."""
-
 
 def component(
     name: str, parameters: Parameters, seed: int, case: int, begin: Record, goal: tuple[float, float]

@@ -19,10 +19,9 @@ from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TI
 from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.asking import CASES, REQUIREMENTS, TIME_LIMIT_DOC, asked_for, cases_of, question_of
-from parcours_navigation.study.results import report_folders
+from parcours_ramp.planner import DECIDING
 from parcours_ramp.planner.latency import Latencies
-from parcours_ramp.planner.whole import DECIDING
-from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
+from parcours_ramp.system.study import LIVE_FILE, SCHEDULES, SystemStudy, system_study
 
 if TYPE_CHECKING:
     from parcours.study.shrinking import WrittenCase
@@ -108,7 +107,7 @@ class RampSystem:
             if settings["solid"]:
                 rule = f"it is for cases in simulated time, but the host is {settings['host']}"
                 raise BadRequest("--solid", rule, "leave it out, or --host", slug="option-study")
-            for name in ("require", "fail", "until", "max-time"):
+            for name in ("require", "fail", "until", "max-time", "address"):
                 if settings.get(name) or getattr(request, name.replace("-", "_"), None):
                     rule = f"it is for cases in simulated time, but the host is {settings['host']}"
                     raise BadRequest(f"--{name}", rule, "leave it out, or --host", slug="option-study")
@@ -135,12 +134,14 @@ class RampSystem:
 
     def read(self, folder: Path) -> Results:
         """Return the results in a folder, of a campaign or of live cases."""
-        from parcours_ramp.system.campaigns import load_campaign
-        from parcours_ramp.system.live_results import FILE, read_live
-        from parcours_ramp.system.sampling import SampledCampaign
+        if (folder / LIVE_FILE).exists():
+            from parcours_ramp.system.live_results import read_live
 
-        live = (folder / FILE).exists()
-        return read_live(folder) if live else SampledCampaign(load_campaign(folder), folder, self.name)
+            return read_live(folder)
+        from parcours_ramp.system.campaigns import load_campaign
+        from parcours_ramp.system.sampled_results import SampledCampaign
+
+        return SampledCampaign(load_campaign(folder), folder, self.name)
 
     def written(self, folder: Path, case: str) -> WrittenCase:
         """Return a failing case as a world file."""
@@ -150,6 +151,8 @@ class RampSystem:
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on campaigns and live cases."""
+        from parcours_navigation.study.results import report_folders
+
         return report_folders(results)
 
     def judge(self, case: Case, settings: Settings) -> Judged:

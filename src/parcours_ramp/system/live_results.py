@@ -24,9 +24,8 @@ from parcours.study.protocol import Measure, Rejudged, Reported
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.system.live import LiveRun, outcome_of, rerun
-from parcours_ramp.system.study import SystemStudy, system_study
+from parcours_ramp.system.study import LIVE_FILE, SystemStudy, system_study
 
-FILE = "live.jsonl"
 _FORMAT = "live/1"
 
 
@@ -69,7 +68,7 @@ class LiveLog:
     ) -> None:
         self._folder, self._study, self._record = folder, study, record
         require_writable(folder / "recordings" if record else folder)
-        self._path = folder / FILE
+        self._path = folder / LIVE_FILE
         cases = study.cases
         self._head = {
             "parcours": _FORMAT, "host": host, "schedule": study.parameters.schedule, "seed": cases.seed,
@@ -185,7 +184,7 @@ class LiveResults:
 
 def read_live(folder: Path) -> LiveResults:
     """Return the live cases of a folder. Raises BadResults if a line is damaged."""
-    path = folder / FILE
+    path = folder / LIVE_FILE
     try:
         lines = path.read_text(encoding="utf-8").rpartition("\n")[0].split("\n")
         head = json.loads(lines[0])

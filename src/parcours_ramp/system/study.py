@@ -33,6 +33,8 @@ STUDY = "ramp_system"  # The name with which ids of its cases begin
 
 SCHEDULES = ("original", "guarded")
 
+LIVE_FILE = "live.jsonl"  # by which a folder holds cases that ran in real time
+
 
 @dataclass(frozen=True, slots=True)
 class SystemStudy:

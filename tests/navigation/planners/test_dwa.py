@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from parcours.elementary import PI, atan2, wrap
 from parcours.errors import BadRequest
-from parcours_navigation.planners.dwa import Dwa, drive_arc, is_admissible
+from parcours_navigation.planners.dwa import Dwa, best_speeds, drive_arc, is_admissible
 from parcours_navigation.planners.motion import extrapolate, travel
 
 if TYPE_CHECKING:
@@ -97,6 +98,44 @@ def test_the_contact_of_an_arc_is_that_of_small_steps() -> None:
             assert contact == closing == math.inf
         assert contact <= closing
     assert touched > 30
+
+
+def best_of_all(
+    robot: Floats, limits: Floats, world: tuple[Floats, Floats, int, float], weights: Floats, shape: tuple[int, int]
+) -> tuple[float, float]:
+    """Return what `best_speeds` returns for a goal at (1, 0.5), by driving every candidate in turn."""
+    (places, reaches, n, step), (n_v, n_w) = world, shape
+    v_high = max(min(robot[3] + 0.25, 0.25), 0.0)
+    v_low = min(max(robot[3] - 0.25, 0.0), v_high)
+    w_low, w_high = max(robot[4] - limits[3] * 0.25, -limits[1]), min(robot[4] + limits[3] * 0.25, limits[1])
+    best, found = -math.inf, (0.0, 0.0)
+    for v in [*(v_high - (v_high - v_low) * i / (n_v - 1) for i in range(n_v)), 0.0]:
+        for w in [w_low + (w_high - w_low) * j / (n_w - 1) for j in range(n_w)]:
+            contact, closing, gap = drive_arc(robot, v, w, places, reaches, n, step, 0.15)
+            if is_admissible(v, closing, limits[2], 0.1):
+                x, y = travel(robot[0], robot[1], robot[2], v, w, 0.25)
+                heading = robot[2] + w * 0.25 + 0.5 * w * abs(w) / limits[3]
+                off = abs(wrap(atan2(0.5 - y, 1.0 - x) - heading))
+                value = weights[0] * (1.0 - off / PI) + weights[1] * min(contact / ((len(places) - 1) * step), 1.0)
+                value += weights[2] * v / limits[0] + weights[3] * max(gap, 0.0) / 0.15
+                if value > best:
+                    best, found = value, (v, w)
+    return found
+
+
+@pytest.mark.parametrize(
+    "weights", [(1.0, 1.0, 0.8, 0.4), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.3), (0.3, 0.0, 1.0, 2.0)]
+)
+def test_candidates_that_are_not_driven_are_not_better_nor_earlier_among_equals(weights: tuple[float, ...]) -> None:
+    rng, limits = np.random.default_rng(9), np.array([0.25, math.pi / 2, 1.0, 2.0])
+    for n in (0, 1, 3, 6, 12) * 6:
+        robot, obstacles = random_robot(rng), crowd(rng, n)
+        places, reaches = np.empty((11, n, 2)), np.empty(n)
+        near = extrapolate(robot, obstacles, 0.25, 0.125, 0.15, 0.2, places, reaches)
+        world, memory = (places, reaches, near, 0.2), np.empty((2, 5, 7))
+        given = (robot, limits, world, np.array(weights))
+        found = best_speeds(robot, (1.0, 0.5), 0.25, limits, world, (0.25, 0.1), given[3], 0.15, memory)
+        assert found == best_of_all(*given, (4, 7))
 
 
 def test_obstacles_left_out_as_too_far_change_nothing() -> None:

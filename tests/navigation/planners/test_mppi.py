@@ -8,9 +8,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from parcours.elementary import PI, sin_cos
 from parcours.errors import BadRequest
 from parcours.streams import start
-from parcours_navigation.planners.mppi import Mppi, average, draw_pool, roll_out, sample, shift_plan
+from parcours_navigation.arena.contact import gap_square
+from parcours_navigation.planners.motion import sin_cos_each
+from parcours_navigation.planners.mppi import (
+    _MOVING,
+    COLLISION,
+    GAP,
+    HEADING,
+    LANES,
+    PROGRESS,
+    Mppi,
+    average,
+    draw_pool,
+    sample,
+    score,
+    shift_plan,
+)
 
 if TYPE_CHECKING:
     from tests.navigation.planners.conftest import Course
@@ -30,8 +46,56 @@ def pool_of(seed: int, n: int) -> Floats:
 
 def cost(controls: Floats, places: Floats) -> float:
     """Return the cost of a future from rest in the origin with the goal at (1, 0)."""
-    n = places.shape[1]
-    return roll_out(np.zeros(5), controls, 1.0, 0.0, LIMITS, places, np.full(n, 0.225), n, 0.2, WEIGHTS, 0.1)
+    [found] = costs_of(np.zeros(5), controls[None], places, np.full(places.shape[1], 0.225))
+    return float(found)
+
+
+def costs_of(robot: Floats, samples: Floats, places: Floats, reaches: Floats) -> Floats:
+    costs, lanes = np.zeros(len(samples)), np.empty((LANES, samples.shape[1] + 1, len(samples)))
+    score(robot, (1.0, 0.0), LIMITS, (places, reaches, len(reaches), 0.2), WEIGHTS, 0.1, samples, costs, lanes)
+    return costs
+
+
+def roll_out(
+    robot: Floats, controls: Floats, goal: tuple[float, float], limits: Floats, places: Floats, reaches: Floats,
+    step: float, weights: Floats, comfort: float,
+) -> float:  # fmt: skip
+    """Drive one future alone, step by step: its cost; its speeds are replaced up to where it runs into something."""
+    n_steps = controls.shape[0]
+    reach_v, reach_w = limits[2] * step, limits[3] * step
+    x, y, heading, v, w = robot[0], robot[1], robot[2], robot[3], robot[4]
+    least, cost = comfort, 0.0
+    touched = False
+    for t in range(n_steps):
+        new_v = min(max(min(max(controls[t, 0], v - reach_v), v + reach_v), 0.0), limits[0])
+        new_w = min(max(min(max(controls[t, 1], w - reach_w), w + reach_w), -limits[1]), limits[1])
+        way, turn = 0.5 * (v + new_v) * step, 0.5 * (w + new_w) * step
+        v, w = new_v, new_w
+        controls[t, 0], controls[t, 1] = v, w
+        s, c = sin_cos(heading + 0.5 * turn)
+        heading += turn
+        dx, dy = way * c, way * s
+        for i in range(len(reaches)):
+            x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
+            x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
+            square = gap_square(x0, y0, x1, y1)
+            if square < (reaches[i] + least) * (reaches[i] + least):
+                least = min(least, np.sqrt(square) - reaches[i])
+                if square < reaches[i] * reaches[i]:
+                    urgency = 1.0 - t / n_steps
+                    if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
+                        return float(cost + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS])
+                    if not touched:
+                        touched = True
+                        cost += weights[COLLISION] * 0.5 * urgency
+        x += dx
+        y += dy
+    to_x, to_y = goal[0] - x, goal[1] - y
+    far = float(np.sqrt(to_x * to_x + to_y * to_y))
+    s, c = sin_cos(heading)
+    off = 1.0 - (c * to_x + s * to_y) / max(far, 1e-9)
+    cost += weights[PROGRESS] * far + weights[HEADING] * off * min(far, 1.0)
+    return float(cost + weights[GAP] * (1.0 - max(least, 0.0) / comfort))
 
 
 def standing(*spots: tuple[float, float]) -> Floats:
@@ -97,6 +161,34 @@ def test_futures_keep_the_limits_whatever_was_drawn() -> None:
     assert np.abs(wild[:, 1]).max() <= math.pi / 2
     assert np.abs(steps[:, 0]).max() <= 0.2 + 1e-12
     assert np.abs(steps[:, 1]).max() <= 0.4188 + 1e-12
+
+
+def test_many_sines_and_cosines_at_a_time_are_to_the_bit_those_of_one() -> None:
+    rng = np.random.default_rng(4)
+    angles = np.concatenate(
+        [rng.uniform(-9.0, 9.0, 999), rng.normal(0.0, 1e4, 999), np.arange(-9, 9) * (PI / 4.0), [-0.0]]
+    )
+    sines, cosines = np.empty(len(angles)), np.empty(len(angles))
+    sin_cos_each(angles, sines, cosines)
+    alone = np.array([sin_cos(angle) for angle in angles.tolist()])
+    assert sines.tobytes() == alone[:, 0].tobytes()
+    assert cosines.tobytes() == alone[:, 1].tobytes()
+
+
+def test_futures_driven_side_by_side_are_to_the_bit_those_that_are_driven_alone() -> None:
+    rng, ended = np.random.default_rng(12), 0
+    for n in (0, 1, 2, 5, 9):
+        spots = rng.uniform(-0.7, 0.7, (n, 2))
+        places = np.ascontiguousarray(spots + np.arange(11)[:, None, None] * rng.normal(0.0, 0.04, (n, 2)))
+        robot, reaches = np.array([0.0, 0.0, rng.uniform(-4.0, 4.0), 0.2, 0.3]), rng.uniform(0.1, 0.3, n)
+        wild = rng.normal(0.1, 0.4, (70, 10, 2))
+        together, alone = wild.copy(), wild.copy()
+        found = costs_of(robot, together, places, reaches)
+        for k in range(len(wild)):
+            assert found[k] == roll_out(robot, alone[k], (1.0, 0.0), LIMITS, places, reaches, 0.2, WEIGHTS, 0.1)
+        assert together.tobytes() == alone.tobytes()
+        ended += int((together == wild).all(axis=2).any(axis=1).sum())
+    assert ended > 10
 
 
 def test_running_into_something_costs_most_early_and_standing_before_it_is_cheaper() -> None:

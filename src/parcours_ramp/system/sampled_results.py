@@ -1,0 +1,75 @@
+"""What is kept of cases that were run again component by component, and the campaign with it (see `sampling`)."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from parcours.errors import BadResults
+from parcours.report.junit import CaseResult
+from parcours.report.pieces import Column, Table
+from parcours.study.protocol import Reported
+from parcours.verdict.judgement import Verdict
+from parcours_navigation.study.campaigns import Campaign
+from parcours_navigation.study.results import CampaignResults
+
+FILE = "sampled.json"
+
+
+def read_sampled(folder: Path) -> dict[str, dict[str, str]]:
+    """Return verdict and reason of each sampled case by its number; empty if none was. Raises BadResults."""
+    path = folder / FILE
+    if not path.exists():
+        return {}
+    try:
+        document = json.loads(path.read_bytes())
+        return {str(int(k)): {"verdict": str(Verdict(v["verdict"])), "why": str(v["why"])} for k, v in document.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        rule = f"sampled cases must be readable, but: {error}"
+        raise BadResults(str(path), rule, "delete it, and run the command again", slug="results-sampled") from error
+
+
+class SampledCampaign(CampaignResults):
+    """A campaign some of whose cases were run again component by component; one that fails there has failed."""
+
+    def __init__(self, found: Campaign, folder: Path, study: str) -> None:
+        super().__init__(found, folder, study)
+        self._sampled = read_sampled(folder)
+
+    def cases(self) -> Sequence[CaseResult]:
+        """Return the verdict of every finished case, and of the sampled ones as cases of their own."""
+        again = [
+            CaseResult(f"{self._id(self.found.cases.id(int(number)))}/data", Verdict(one["verdict"]), 0.0, one["why"])
+            for number, one in self._sampled.items()
+        ]
+        return [*super().cases(), *again]
+
+    def case_verdicts(self) -> Sequence[Verdict]:
+        """Return the verdicts of `cases`, without their reasons."""
+        return [*super().case_verdicts(), *(Verdict(one["verdict"]) for one in self._sampled.values())]
+
+    def verdict_counts(self) -> Counter[Verdict]:
+        """Return how many of `cases` have each verdict."""
+        return super().verdict_counts() + Counter(Verdict(one["verdict"]) for one in self._sampled.values())
+
+    def causes(self) -> Sequence[str]:
+        """Return why each of `cases` did not pass, in words that cases share."""
+        passed = str(Verdict.PASS)
+        again = ["" if one["verdict"] == passed else one["why"][:200] for one in self._sampled.values()]
+        return [*super().causes(), *again]
+
+    def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
+        """Return the cases at these places."""
+        n = len(self.found.facts)
+        every = self.cases() if any(k >= n for k in places) else []
+        return [every[k] for k in places] if every else super().some_cases(places)
+
+    def reported(self, name: str) -> Reported:
+        """Return the table of sampled cases; nothing without any."""
+        rows = tuple((number, one["verdict"], one["why"]) for number, one in self._sampled.items())
+        columns = Column("case"), Column("verdict"), Column("why")
+        note = "Run again by components, with its latencies; messages judged by model and references, facts compared."
+        tables = [Table(f"Sampled cases, {name}", columns, rows, note)] if rows else []
+        return Reported(tables, lambda: tables, {})
