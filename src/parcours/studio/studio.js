@@ -55,7 +55,7 @@ const percent = (share) => `${(100 * share).toFixed(1)} %`;
 
 function table(caption, heads, rows) {
   const numeric = (cell) => (typeof cell === "number" ? "number" : "");
-  return el("div", { class: "scroll" }, el("table", {}, el("caption", {}, caption),
+  return el("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": caption }, el("table", {}, el("caption", {}, caption),
     el("thead", {}, el("tr", {}, heads.map((head) => el("th", { scope: "col" }, head)))),
     el("tbody", {}, rows.map((row) => el("tr", {}, row.map((cell) =>
       el("td", { class: numeric(cell) }, cell instanceof Node ? cell : String(cell ?? ""))))))));
@@ -248,7 +248,7 @@ function generating(path, unsaved) {
 function show(into, drawings) {
   into.replaceChildren(...drawings.map((one) => {
     const picture = new DOMParser().parseFromString(one.svg, "image/svg+xml").documentElement;
-    return el("div", { class: "drawing" }, document.importNode(picture, true));
+    return el("div", { class: "drawing", tabindex: "0", role: "group", "aria-label": `${one.component}: ${one.machine}` }, document.importNode(picture, true));
   }));
 }
 
