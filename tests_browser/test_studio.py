@@ -26,8 +26,8 @@ VIEWS = {
     "study": ("#/file/lift%2Fstudy.yaml", ".drawing svg"),
     "findings": ("#/file/wrong.yaml", ".error-word"),
     "hostile": (f"#/file/{quote(HOSTILE)}", ".drawing svg"),
-    "binding": ("#/file/ros2_python%2Fbinding.yaml", ".findings li"),
-    "world": ("#/file/yard.yaml", ".findings li"),
+    "binding": ("#/file/ros2_python%2Fbinding.yaml", ".drawing svg"),
+    "world": ("#/file/yard.yaml", ".drawing svg"),
     "step a study": (f"#/step/lift%2Fstudy.yaml/{CASE}", "ol.events li.lit"),
     "step a model": (f"#/step/lift%2Fmodel.yaml/{CASE}", "ol.events li.lit"),
     "run of components": ("#/run/out%2Flift", "tbody tr"),
@@ -41,7 +41,7 @@ VIEWS = {
 def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A folder with studies, files of every kind, finished runs, and names that are HTML."""
     root = tmp_path_factory.mktemp("studio")
-    for name in ("lift", "parking", "ros2_python"):
+    for name in ("lift", "parking", "ros1_python", "ros2_python"):
         shutil.copytree(EXAMPLES / name, root / name)
     shutil.copy(EXAMPLES / "ros2_navigation/yard.yaml", root)
     text = (root / "lift/model.yaml").read_text()
@@ -72,6 +72,21 @@ def test_every_view_is_quiet_fits_its_screen_and_has_no_violation_of_axe(
             for size, scheme in (("phone", "dark"), ("1280", "light"), ("desk", "dark")):
                 look_over(tab, size, scheme)
         assert tab.evaluate("window.caught") is None
+
+
+def test_a_view_that_was_left_draws_no_more(studio: Server, visit: Callable[..., Any]) -> None:
+    with visit(f"http://127.0.0.1:{studio.port}/?token={studio.token}#/file/lift%2Fmodel.yaml") as tab:
+        tab.locator(".drawing svg").first.wait_for()
+        held: list[Any] = []
+        tab.route("**/api/files*", lambda route: held.append(route))
+        with tab.expect_request("**/api/files*"):
+            tab.get_by_role("link", name="Parcours studio").click()  # which asks what runs there are
+        tab.evaluate(f"location.hash = '#/step/lift%2Fmodel.yaml/{CASE}'")
+        tab.locator("ol.events li.lit").wait_for()
+        tab.evaluate("document.querySelector('nav').replaceChildren()")
+        held.pop().continue_()
+        tab.locator("nav a").first.wait_for()
+        assert tab.locator("main h2").all_inner_texts() == [CASE]
 
 
 def test_edit_run_watch_and_step(visit: Callable[..., Any], look_over: Callable[..., None], tmp_path: Path) -> None:

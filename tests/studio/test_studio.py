@@ -35,6 +35,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     root = base / "folder"
     shutil.copytree(EXAMPLES / "lift", root / "lift")
     shutil.copytree(EXAMPLES / "parking", root / "parking")
+    shutil.copytree(EXAMPLES / "ros2_python", root / "nodes")
+    shutil.copytree(EXAMPLES / "ros1_python", root / "ros1_python")
+    shutil.copy(EXAMPLES / "ros2_navigation/yard.yaml", root)
     for module in (
         "json",
         "yaml",
@@ -120,10 +123,17 @@ def test_no_file_outside_the_folder_is_given_out(server: Server, path: str) -> N
 
 def test_what_a_study_names_must_lie_in_the_folder(server: Server) -> None:
     text = (server.root / "lift/study.yaml").read_text()
-    for file in ("../../secret.yaml", "/etc/passwd", "../link.yaml"):
-        changed = text.replace("model: model.yaml", f"model: {file}")
-        found = server.api("POST", "check", changed, path="lift/study.yaml")
-        assert [one["rule"] for one in found["findings"]] == ["studio-outside"] and SECRET not in str(found)
+    binding = (server.root / "nodes/binding.yaml").read_text()
+    world = (server.root / "yard.yaml").read_text()
+    (server.root / "lift/between.yaml").write_text("image: ../../secret.yaml\n")
+    for file in ("../../secret.yaml", "/etc/passwd", "../link.yaml", "../lift/between.yaml"):
+        for path, changed in (
+            ("lift/study.yaml", text.replace("model: model.yaml", f"model: {file}")),
+            ("nodes/binding.yaml", binding.replace("model: ../ros1_python/model.yaml", f"model: {file}")),
+            ("nodes/binding.yaml", world.replace("  map: 10 cm", f"  map: {file}")),
+        ):
+            found = server.api("POST", "check", changed, path=path)
+            assert [one["rule"] for one in found["findings"]] == ["studio-outside"] and SECRET not in str(found)
 
 
 def test_too_much_is_refused_whether_or_not_its_length_is_said(server: Server) -> None:
@@ -162,6 +172,24 @@ def test_findings_are_those_of_the_commands(server: Server) -> None:
     assert (first["rule"], first["line"], first["file"]) == ("unknown-key", 5, "lift/study.yaml")
     [data] = server.api("POST", "check", "parcours: data/1\n", path="lift/domains.yaml")["findings"]
     assert data["severity"] == "error"
+
+
+def test_bindings_and_worlds_are_checked_and_drawn_as_they_are_edited(server: Server) -> None:
+    text = (server.root / "nodes/binding.yaml").read_text()
+    found = server.api("POST", "check", text, path="nodes/binding.yaml")
+    assert found["findings"] == [] and "Planner" in {one["component"] for one in found["drawings"]}
+    changed = text.replace("channels:", "chanels:")
+    wrong = server.api("POST", "check", changed, path="nodes/binding.yaml")["findings"]
+    assert {(one["file"], one["rule"]) for one in wrong} >= {("nodes/binding.yaml", "unknown-key")}
+
+    world = (server.root / "yard.yaml").read_text()
+    found = server.api("POST", "check", world, path="yard.yaml")
+    assert found["findings"] == [] and [one["title"] for one in found["drawings"]] == ["world yard, case 0"]
+    twice = world.replace("radius: 20 cm", "radius: -1").replace("tolerance: 0.25 m", "tolerance: 3 kg")
+    said = server.api("POST", "check", twice, path="yard.yaml")
+    lines = twice.splitlines()
+    places = {(one["file"], lines[one["line"] - 1].partition(":")[0]) for one in said["findings"]}
+    assert places == {("yard.yaml", "robot"), ("yard.yaml", "task")} and said["drawings"] == []
 
 
 def test_a_file_is_saved_unless_it_changed_meanwhile(server: Server) -> None:

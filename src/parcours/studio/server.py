@@ -23,7 +23,7 @@ from starlette.routing import Route
 
 from parcours.errors import BadRequest, ParcoursError
 from parcours.paths import CRITERIA
-from parcours.studio.checking import checked, drawings, require_sound
+from parcours.studio.checking import checked, drawings, pictures_of, require_sound
 from parcours.studio.children import Runs, answer_of
 from parcours.studio.folder import Folder, kind_of
 from parcours.studio.guarding import Guard
@@ -87,9 +87,8 @@ class Studio:
         await run_in_threadpool(self.folder.text, path)  # it is a file of the folder
 
         def look() -> object:
-            model, found = checked(self.folder, path, text)
-            return {"findings": [dataclasses.asdict(one) for one in found],
-                    "drawings": drawings(model) if model is not None else []}  # fmt: skip
+            found = checked(self.folder, path, text)
+            return {"findings": [dataclasses.asdict(one) for one in found.findings], "drawings": pictures_of(found)}
 
         return await run_in_threadpool(look)
 
@@ -106,7 +105,7 @@ class Studio:
         """Return what happens in an abstract case: of a study executed, of a model as it is demanded."""
         full, case, path = await self._sound(request), _asked(request, "case"), _asked(request, "path")
         text = (await run_in_threadpool(self.folder.text, path)).text
-        model, _ = await run_in_threadpool(checked, self.folder, path, text)
+        model = (await run_in_threadpool(checked, self.folder, path, text)).model
         if model is None:
             raise BadRequest(path, "it has no model to step through", slug="studio-step")
         if kind_of(text) == "model":
