@@ -66,7 +66,7 @@ def errors_among(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def finding_of(error: ParcoursError, file: str) -> Finding:
     """Return an error as a finding: at the line that it names, or of the whole file.
 
-    >>> finding_of(BadModel("yard.yaml:4", "there is no wall", slug="wall"), "yard.yaml").line
+    >>> finding_of(BadModel("yard.yaml:4", "a world has no such key", slug="unknown-key"), "yard.yaml").line
     4
     """
     where, _, line = error.where.rpartition(":")
