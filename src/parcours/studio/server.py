@@ -32,7 +32,7 @@ from parcours.studio.watching import PERIOD, Watched, study_behind, summary
 
 _OWN = {"": ("page.html", "text/html"), "studio.js": ("studio.js", "text/javascript"),
         "studio.css": ("studio.css", "text/css")}  # fmt: skip
-_QUIET = 150  # looks without news after which a line says that the server is still there
+_QUIET = 300  # looks without news after which a line says that the server is still there
 _MOST_WATCHED = 16
 _CHOICES = [name for name in CRITERIA if name.islower()]  # the others take a number or names
 _STATUS = {"studio-changed": 409, "studio-running": 409, "studio-file": 404, "studio-size": 413}

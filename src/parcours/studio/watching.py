@@ -10,19 +10,23 @@ import contextlib
 import json
 import tempfile
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.report.junit import CaseResult
 from parcours.run.store import MANIFEST, Store, open_results
 from parcours.studio.folder import Folder
 from parcours.study.components.results import FILE as COMPONENTS
 from parcours.study.finding import find, registered
+from parcours.study.gate import Judged
 from parcours.study.journal import CASES, RUN, read_question
-from parcours.study.protocol import Study
+from parcours.study.protocol import Results, Study
+from parcours.study.summing import Caused
+from parcours.verdict.judgement import Verdict
 from parcours.verdict.sequential import rate_at_any_time
 
-PERIOD = 0.1
+PERIOD = 0.05
 """Time between two looks at a folder [s]."""
 
 _AT_ONCE = 16  # shards that are read in one look
@@ -60,6 +64,8 @@ class Watched:
         if self._store is None and (self._path / MANIFEST).is_file():
             self._store = _opened(self._folder, self.run)
             self._planned = self._store.planned
+            with self._slice(MANIFEST) as part:  # no case yet: what reads them is loaded before the first shard comes
+                self._add(part, 0.0)
         if self._store is not None:
             self._look_at_shards(self._store)
         else:
@@ -109,15 +115,15 @@ class Watched:
         assert self._study is not None
         try:
             results = self._study.read(part)
-            cases = results.cases()
+            n, counts, failed = _summed(results)
         except ParcoursError as error:  # it names the folder that was made
             raise type(error)(error.where.replace(str(part), self.run), error.rule.replace(str(part), self.run),
                               error.remedy, slug=error.slug) from error  # fmt: skip
 
         self._label = results.label
-        self._arrivals.append((changed, len(cases)))
-        self._counts.update(str(one.verdict) for one in cases)
-        failed = [one for one in cases if str(one.verdict) != "pass"][-_LATEST:]
+        if n:
+            self._arrivals.append((changed, n))
+        self._counts.update(counts)
         self._latest.extend({"id": one.id, "verdict": str(one.verdict), "why": one.why[:500]} for one in failed)
 
     def _known(self, study: str) -> dict[str, object]:
@@ -133,6 +139,17 @@ class Watched:
             "changed": self._arrivals[-1][0] if self._arrivals else None,
             "latest": list(reversed(self._latest)),
         }  # fmt: skip
+
+
+def _summed(results: Results) -> tuple[int, Counter[str], Sequence[CaseResult]]:
+    """Return how many cases there are, how many have each verdict, and the last that did not pass."""
+    if not (isinstance(results, Judged) and isinstance(results, Caused)):
+        cases = results.cases()
+        failed = [one for one in cases if one.verdict is not Verdict.PASS]
+        return len(cases), Counter(str(one.verdict) for one in cases), failed[-_LATEST:]
+    verdicts = results.case_verdicts()  # reasons are made up for the cases that are shown
+    places = [k for k, verdict in enumerate(verdicts) if verdict is not Verdict.PASS][-_LATEST:]
+    return len(verdicts), Counter(map(str, verdicts)), results.some_cases(places)
 
 
 def study_behind(folder: Folder, run: str) -> Study:
