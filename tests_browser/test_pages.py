@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from parcours.report.exporting import together
 from parcours.report.page import to_html
 from parcours.report.pieces import Page
 from parcours.study.finding import find
@@ -118,7 +119,36 @@ def test_a_replay_plays_and_a_failing_case_leads_to_it(visit: Callable[..., Any]
             arg=start,
         )
         replay.get_by_role("button", name="Pause").click()
-        assert "clearance" in replay.locator("output").inner_text()
+        assert "clearance" in replay.locator("output").inner_text() and "speed" in replay.locator("output").inner_text()
+        before = float(replay.get_by_label("Time").input_value())
+        replay.get_by_label("Step back").click()
+        replay.get_by_label("Step back").click()
+        assert before - 0.2 < float(replay.get_by_label("Time").input_value()) < before
+        assert "held: collision imminent" in replay.locator(".legend").inner_text()
+        replay.get_by_role("button", name="Full screen").click()
+        tab.wait_for_function("document.fullscreenElement !== null")
+
+
+def test_recordings_of_one_case_move_together(
+    visit: Callable[..., Any], look_over: Callable[..., None], tmp_path: Path
+) -> None:
+    folders = [tmp_path / planner for planner in ("orca", "stand-still")]
+    study = find("navigation")
+    for folder in folders:
+        settings = settings_of(
+            study.parameters, {"planner": folder.name, "require": "arrives: eventually goal_distance < 0.2"}, ""
+        )
+        study.run(Request(settings, 1, folder, 2), lambda *_: None)
+    page = together([study.read(folder).replay("1") for folder in folders])
+    (tmp_path / "both.html").write_text(to_html(page), encoding="utf-8")
+    with visit((tmp_path / "both.html").as_uri(), bypass_csp=True) as tab:
+        first, second = tab.get_by_label("Time").all()
+        first.press("Shift+ArrowRight")
+        assert first.input_value() == second.input_value() != "0"
+        second.press("End")
+        assert "violated arrives" in tab.locator("output").nth(1).inner_text()
+        look_over(tab, "1280", "light")
+        look_over(tab, "phone", "dark")
 
 
 def test_paper_shows_everything_and_no_controls(visit: Callable[..., Any], views: dict[str, str]) -> None:
