@@ -27,7 +27,7 @@ async function ask(method, name, parameters = {}, body = undefined) {
   try {
     answer = await fetch(`/api/${name}?${new URLSearchParams(parameters)}`, { method, body });
   } catch {
-    throw new Error("The studio does not answer: was it ended?");
+    throw new Error("The studio does not answer: has it been stopped?");
   }
   if ((answer.headers.get("content-type") || "").startsWith("application/json")) {
     const found = await answer.json();
@@ -357,7 +357,7 @@ async function watch(view, run) {
 
 function outcomes(news) {
   const all = news.planned ? `${news.finished} of ${news.planned} cases` : `${news.finished} cases`;
-  const rate = news.per_second ? `, ${news.per_second.toPrecision(3)} a second of late` : "";
+  const rate = news.per_second ? `, ${news.per_second.toPrecision(3)} per second recently` : "";
   const changed = news.changed ? `; the last one at ${new Date(1000 * news.changed).toLocaleTimeString()}` : "";
   const grade = { pass: "good", fail: "bad", error: "bad" };
   const rows = news.verdicts.map((one) => [el("span", { class: grade[one.verdict] ?? "" }, one.verdict), one.cases, percent(one.share), `[${percent(one.low)}, ${percent(one.high)}]`]);

@@ -147,7 +147,7 @@ def _summed(results: Results) -> tuple[int, Counter[str], Sequence[CaseResult]]:
         cases = results.cases()
         failed = [one for one in cases if one.verdict is not Verdict.PASS]
         return len(cases), Counter(str(one.verdict) for one in cases), failed[-_LATEST:]
-    verdicts = results.case_verdicts()  # reasons are made up for the cases that are shown
+    verdicts = results.case_verdicts()  # reasons are worded only for the cases that are shown
     places = [k for k, verdict in enumerate(verdicts) if verdict is not Verdict.PASS][-_LATEST:]
     return len(verdicts), Counter(map(str, verdicts)), results.some_cases(places)
 

@@ -50,7 +50,7 @@ def read_study(path: Path) -> Study:
 
 
 def check_study_file(path: Path, text: str | None = None) -> tuple[Study | None, tuple[Finding, ...]]:
-    """Return the study of a file, or of a text that is to become it; None if it has errors; and every finding."""
+    """Return the study of a file, or of a text that will replace it; None if it has errors; and every finding."""
     try:
         if text is None:
             with path.open("rb") as file:

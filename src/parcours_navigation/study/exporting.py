@@ -95,7 +95,7 @@ def write_mcap(replay: Replay, path: Path) -> None:
                 said["/clearance"] = {"value": float(clearance[k])}
             for topic, message in said.items():
                 writer.add_message(channels[topic], stamp, json.dumps(message).encode(), stamp)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _entities(replay: Replay, k: int, stamp: int) -> list[dict[str, object]]:
@@ -126,8 +126,8 @@ def _entities(replay: Replay, k: int, stamp: int) -> list[dict[str, object]]:
 
 
 def _entity(id: str, stamp: int, **parts: object) -> dict[str, object]:
-    empty = {name: [] for name in ("metadata", "arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts",
-                                   "models")}  # fmt: skip
+    names = ("metadata", "arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+    empty: dict[str, object] = {name: [] for name in names}
     return {"timestamp": {"sec": stamp // 10**9, "nsec": stamp % 10**9}, "frame_id": "world", "id": id,
             "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": False, **empty, **parts}  # fmt: skip
 

@@ -90,7 +90,7 @@ class CampaignResults:
     telling = ("min_clearance", "time_halted", "time_at_rest")
 
     def causes(self) -> Sequence[str]:
-        """Return the outcome of each case that did not pass, or what was required of it in vain."""
+        """Return the outcome of each case that did not pass, or which requirement it violated."""
         facts, asked = self.found.facts, self.found.requirements
         words = {int(one): text for one, text in OUTCOME_WORDS.items()}
         required = shared_reasons(facts, asked)
