@@ -236,7 +236,8 @@ def test_looking_at_a_folder_runs_none_of_its_code(server: Server) -> None:
     ):
         (run / "run.json").write_text(json.dumps(head | {"where": where}))
         status, _, content = server.ask("GET", "/api/watch", run="foreign")
-        assert status == 200 and b"event: refused" in content and b"studio-study" in content
+        assert status == 200 and b"event: refused" in content
+        assert (b"studio-code" if "lift.py:" in where else b"studio-study") in content
     for path in ("lift/study.yaml", "parking/study.yaml"):
         assert server.api("POST", "check", (server.root / path).read_text(), path=path)["findings"] == []
     assert server.api("POST", "cases", path="lift/study.yaml")
@@ -265,6 +266,22 @@ def test_a_run_is_watched_and_compared(server: Server, run: str) -> None:
     compared = server.api("POST", "compare", before=run, now=run)
     assert compared["shared"] == 60 and not any(row["worse"] for row in compared["rows"])
     assert (server.root.parent / "executed").exists() and not (server.root.parent / "imported").exists()
+
+
+def test_a_study_in_python_is_run_and_read_by_processes_of_their_own(server: Server) -> None:
+    (server.root / "own.py").write_text(
+        "import os\nfrom parcours.study.finding import find\n"
+        "open('read by', 'a').write(f'{os.getpid()}\\n')\nSTUDY = find('parking')\n"
+    )
+    started = str(server.api("POST", "run", path="own.py:STUDY", cases="8", settings="delay=0.2")["run"])
+    connection = {"run": started, "code": "1"}
+    counts = next(one for one in events(server, until=8, **connection) if one["finished"] == 8)
+    assert counts["planned"] == 8
+    assert server.process.pid not in map(int, (server.root / "read by").read_text().split())
+    for settings in ("out=/tmp/elsewhere", "delay", "--delay=1", "junit=/tmp/x"):
+        assert server.refused("POST", "run", path="own.py:STUDY", settings=settings) == "studio-setting"
+    assert server.refused("POST", "run", path="../own.py:STUDY") == "studio-file"
+    assert server.refused("POST", "run", path="json:STUDY") == "studio-file"
 
 
 def test_a_case_of_a_study_is_executed_and_stepped_through(server: Server) -> None:

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+import sys
 import tempfile
+import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -38,8 +41,8 @@ _RECENT = 32  # arrivals that the speed is taken from
 class Watched:
     """What is known of a run from its files alone."""
 
-    def __init__(self, folder: Folder, run: str) -> None:
-        self.run = run
+    def __init__(self, folder: Folder, run: str, *, trusted: bool = False) -> None:
+        self.run, self._trusted = run, trusted
         self._path = folder.directory(run)
         self._folder = folder
         self._study: Study | None = None
@@ -59,7 +62,7 @@ class Watched:
             BadResults: the folder holds no results, or damaged ones.
         """
         if self._study is None:
-            self._study = study_behind(self._folder, self.run)
+            self._study = study_behind(self._folder, self.run, trusted=self._trusted)
         before = self._planned, self._counts.total()
         if self._store is None and (self._path / MANIFEST).is_file():
             self._store = _opened(self._folder, self.run)
@@ -152,8 +155,11 @@ def _summed(results: Results) -> tuple[int, Counter[str], Sequence[CaseResult]]:
     return len(verdicts), Counter(map(str, verdicts)), results.some_cases(places)
 
 
-def study_behind(folder: Folder, run: str) -> Study:
+def study_behind(folder: Folder, run: str, *, trusted: bool = False) -> Study:
     """Return the study that wrote a folder of results, if it is an installed one, or a study.yaml in the folder.
+
+    Args:
+        trusted: whether one of Python code in the folder is loaded, too, which runs that code.
 
     Raises:
         BadRequest: to find it would run code that lies in the folder, or it lies elsewhere.
@@ -163,6 +169,11 @@ def study_behind(folder: Folder, run: str) -> Study:
     where = str(_question(folder, run)["where"]) if (path / RUN).is_file() else _opened(folder, run).campaign.study
     if where in {one.name for one in registered()}:
         return find(where)
+    if (code := code_in(folder, where)) is not None:
+        if not trusted:
+            rule = "its study is Python code in the folder, which looking does not run"
+            raise BadRequest(run, rule, "choose *Run its code* to read it", slug="studio-code")
+        return find(code)
     inside = folder.inside(folder.root / where) if where.endswith((".yaml", ".yml")) else None
     if inside is None:
         rule = f"the study must be a study.yaml in the studio's folder or a registered one, but is {where[:200]!r}"
@@ -170,6 +181,28 @@ def study_behind(folder: Folder, run: str) -> Study:
         raise BadRequest(run, rule, remedy, slug="studio-study")
     folder.read(inside, 1_000_000)
     return find(str(folder.root / inside))
+
+
+def code_in(folder: Folder, where: str) -> str | None:
+    """Return how a command names `file.py:NAME` whose file lies in the folder, without links; None for all else."""
+    file, _, name = where.rpartition(":")
+    path = folder.root / file
+    if not (file.endswith(".py") and name.isidentifier() and path.is_relative_to(folder.root)):
+        return None
+    with contextlib.suppress(BadRequest):
+        folder.read(path.relative_to(folder.root).as_posix(), _LARGEST, cut=True)
+        return f"{path}:{name}"
+    return None
+
+
+def main(root: str, run: str) -> None:
+    """Print what is known of a run as a line of JSON, each time that it changes; runs the code of its study."""
+    watched = Watched(Folder(Path(root)), run, trusted=True)
+    while os.getppid() != 1:  # the studio ends it, or is gone
+        news = watched.news()
+        if news is not None:
+            print(json.dumps(news), flush=True)  # noqa: T201
+        time.sleep(PERIOD)
 
 
 def summary(folder: Folder, run: str) -> dict[str, object]:
@@ -196,3 +229,11 @@ def _question(folder: Folder, run: str) -> dict[str, object]:
 def _opened(folder: Folder, run: str) -> Store:
     folder.read(f"{run}/{MANIFEST}", _LARGEST)
     return open_results(folder.directory(run))
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:3])
+    except ParcoursError as error:
+        sys.stderr.write(f"parcours: {error}\n")
+        sys.exit(2)

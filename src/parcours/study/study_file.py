@@ -25,7 +25,7 @@ FORMAT = "study/1"
 KIND_GROUP = "parcours.kinds"
 _COMMON = ("doc", "kind", "parameters")
 # Options that commands or kinds of study have: no parameter may have their names
-_OPTIONS = (
+OPTIONS = (
     "as_json", "baseline", "case", "cases", "cases_from", "chosen", "fail_if", "fresh", "graph", "help", "host", "json",
     "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study", "workers",
 )  # fmt: skip
@@ -271,7 +271,7 @@ class StudyReader(QuantityReader):
 
     def _parameter(self, name: str, node: Node) -> Parameter:
         what = f"parameter {name}"
-        if name in _OPTIONS:
+        if name in OPTIONS:
             self.add(node, "study-double", f"{what}: --{name.replace('_', '-')} is an option already", "rename it")
         entries = self.record(node, what, ("default",), ("type", "unit", "range", "choices", "doc"))
         kind = self.one_of(entries.get("type"), f"type of {what}", KINDS, "real")
