@@ -89,6 +89,29 @@ def test_a_view_that_was_left_draws_no_more(studio: Server, visit: Callable[...,
         assert tab.locator("main h2").all_inner_texts() == [CASE]
 
 
+def test_a_study_in_python_is_run_and_read_only_when_it_is_wanted(
+    studio: Server, visit: Callable[..., Any], look_over: Callable[..., None]
+) -> None:
+    (studio.root / "own.py").write_text(
+        "from dataclasses import replace\nfrom parcours.study.finding import find\n"
+        "STUDY = replace(find('parking'), where='')\n"
+    )
+    with visit(f"http://127.0.0.1:{studio.port}/?token={studio.token}#/", bypass_csp=True) as tab:
+        tab.get_by_text("Run a registered study, or one in Python").click()
+        tab.get_by_label("study").fill("own.py:STUDY")
+        tab.get_by_label("settings").fill("delay=0.2")
+        tab.get_by_label("cases").fill("8")
+        look_over(tab, "phone", "dark")
+        look_over(tab, "1280", "light")
+        tab.get_by_role("button", name="Run", exact=True).click()
+        tab.locator("[data-finished='8']").wait_for()
+        tab.reload()
+        tab.get_by_text("looking does not run").wait_for()
+        look_over(tab, "phone", "light")
+        tab.get_by_role("button", name="Run its code").click()
+        tab.locator("[data-finished='8']").wait_for()
+
+
 def test_edit_run_watch_and_step(visit: Callable[..., Any], look_over: Callable[..., None], tmp_path: Path) -> None:
     shutil.copytree(EXAMPLES / "lift", tmp_path / "lift")
     text = (tmp_path / "lift/model.yaml").read_text()

@@ -270,12 +270,12 @@ def test_a_run_is_watched_and_compared(server: Server, run: str) -> None:
 
 def test_a_study_in_python_is_run_and_read_by_processes_of_their_own(server: Server) -> None:
     (server.root / "own.py").write_text(
-        "import os\nfrom parcours.study.finding import find\n"
-        "open('read by', 'a').write(f'{os.getpid()}\\n')\nSTUDY = find('parking')\n"
+        "import os\nfrom dataclasses import replace\nfrom parcours.study.finding import find\n"
+        "open('read by', 'a').write(f'{os.getpid()}\\n')\nSTUDY = replace(find('parking'), where='')\n"
     )
     started = str(server.api("POST", "run", path="own.py:STUDY", cases="8", settings="delay=0.2")["run"])
-    connection = {"run": started, "code": "1"}
-    counts = next(one for one in events(server, until=8, **connection) if one["finished"] == 8)
+    assert b"studio-code" in server.ask("GET", "/api/watch", run=started)[2]  # and ends
+    counts = next(one for one in events(server, started, until=8, code="1") if one["finished"] == 8)
     assert counts["planned"] == 8
     assert server.process.pid not in map(int, (server.root / "read by").read_text().split())
     for settings in ("out=/tmp/elsewhere", "delay", "--delay=1", "junit=/tmp/x"):
