@@ -56,7 +56,7 @@ class Stands:
 
 
 class Network:
-    """Two layers with weights by chance."""
+    """Two layers with random weights."""
 
     def __init__(self) -> None:
         draw = np.random.default_rng(7).normal

@@ -1,22 +1,16 @@
-"""Reports in a real browser: Debian's Chromium, driven by Playwright.
-
-One browser for all; each view is looked at as on a phone and on a desk, for what a reader would stumble over.
-"""
+"""Reports in a real browser: each view on a phone and on a desk, and what a reader does with it."""
 
 from __future__ import annotations
 
 import csv
 import io
-import shutil
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Dialog, sync_playwright
-from playwright.sync_api import Page as Tab
 
+from parcours.report.exporting import together
 from parcours.report.page import to_html
 from parcours.report.pieces import Page
 from parcours.study.finding import find
@@ -25,14 +19,7 @@ from parcours.study.protocol import Request
 from parcours.study.reporting import report_page
 from whole_page import HOSTILE, whole_page
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 EXAMPLES = Path(__file__).parents[1] / "examples"
-CUT = """[...document.querySelectorAll(innerWidth < 700 ? '.cases' : 'main table')]
-    .filter((table) => table.scrollWidth > table.parentElement.clientWidth + 1).length"""
-SMALL = """[...document.querySelectorAll('.chart text')]
-    .filter((text) => text.textContent && text.getBoundingClientRect().height < 8).length"""
-MOVED = "(start) => Number(document.querySelector('figure.replay:target input[type=range]').value) > start"
-SIZES = {"phone": (390, 844), "desk": (1280, 900)}
 
 
 def reported(where: str, n_cases: int, folder: Path) -> Page:
@@ -57,56 +44,19 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {name: (folder / f"{name}.html").as_uri() for name in pages}
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as engine:
-        started = engine.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
-class Visit:
-    """A page opened in the browser, and what its console said."""
-
-    def __init__(self, browser: Browser, address: str, size: str = "desk", **options: Any) -> None:
-        width, height = SIZES[size]
-        context = browser.new_context(viewport={"width": width, "height": height}, **options)
-        self.tab: Tab = context.new_page()
-        self.said: list[str] = []
-        self.tab.on("console", lambda message: self.said.append(message.text))
-        self.tab.on("pageerror", lambda error: self.said.append(str(error)))
-        self.tab.on("dialog", self._refuse)
-        self.tab.goto(address)
-
-    def _refuse(self, dialog: Dialog) -> None:
-        self.said.append(dialog.message)
-        dialog.dismiss()
-
-    def __enter__(self) -> Tab:
-        return self.tab
-
-    def __exit__(self, *error: object) -> None:
-        self.tab.context.close()
-        assert error[0] is not None or not self.said, self.said
-
-
 @pytest.mark.parametrize("view", ["hostile", "campaign", "components", "robot"])
 def test_a_view_is_quiet_fits_its_screen_and_has_no_violation_of_axe(
-    view: str, browser: Browser, views: dict[str, str]
+    view: str, visit: Callable[..., Any], look_over: Callable[..., None], views: dict[str, str]
 ) -> None:
-    for size, scheme in (("phone", "dark"), ("desk", "light")):
-        with Visit(browser, views[view], size, color_scheme=scheme, bypass_csp=True) as tab:
-            width = SIZES[size][0]
-            assert tab.evaluate("document.documentElement.scrollWidth") <= width, f"{size}: the page scrolls sideways"
-            assert tab.evaluate(CUT) == 0, f"{size}: a column of a table is cut"
-            assert tab.evaluate(SMALL) == 0, f"{size}: text of a chart is too small to read"
-
-            found = Axe().run(tab)
-            assert found.violations_count == 0, found.generate_report()[:3000]
+    with visit(views[view], bypass_csp=True) as tab:
+        look_over(tab, "1280", "light")
+        look_over(tab, "phone", "dark")
 
 
-def test_filters_filter_sorting_sorts_and_a_link_shows_its_case(browser: Browser, views: dict[str, str]) -> None:
-    with Visit(browser, views["hostile"]) as tab:
+def test_filters_filter_sorting_sorts_and_a_link_shows_its_case(
+    visit: Callable[..., Any], views: dict[str, str]
+) -> None:
+    with visit(views["hostile"]) as tab:
         cases = tab.locator(".cases")
         shown = cases.locator("tbody tr[id]:visible")
         assert shown.count() == 6
@@ -137,8 +87,10 @@ def test_filters_filter_sorting_sorts_and_a_link_shows_its_case(browser: Browser
         assert wanted.is_visible() and wanted.locator("details code").is_visible()
 
 
-def test_a_table_is_saved_as_csv_and_a_figure_as_svg(browser: Browser, views: dict[str, str], tmp_path: Path) -> None:
-    with Visit(browser, views["hostile"]) as tab:
+def test_a_table_is_saved_as_csv_and_a_figure_as_svg(
+    visit: Callable[..., Any], views: dict[str, str], tmp_path: Path
+) -> None:
+    with visit(views["hostile"]) as tab:
         with tab.expect_download() as table:
             tab.locator(".failures .save").click()
         table.value.save_as(tmp_path / "cases.csv")
@@ -155,8 +107,8 @@ def test_a_table_is_saved_as_csv_and_a_figure_as_svg(browser: Browser, views: di
         assert tab.locator("svg desc").count() == 1
 
 
-def test_a_replay_plays_and_a_failing_case_leads_to_it(browser: Browser, views: dict[str, str]) -> None:
-    with Visit(browser, views["robot"]) as tab:
+def test_a_replay_plays_and_a_failing_case_leads_to_it(visit: Callable[..., Any], views: dict[str, str]) -> None:
+    with visit(views["robot"]) as tab:
         tab.locator(".cases").get_by_role("link", name="replay").first.click()
         replay = tab.locator("figure.replay:target")
         assert replay.is_visible()
@@ -167,11 +119,40 @@ def test_a_replay_plays_and_a_failing_case_leads_to_it(browser: Browser, views: 
             arg=start,
         )
         replay.get_by_role("button", name="Pause").click()
-        assert "clearance" in replay.locator("output").inner_text()
+        assert "clearance" in replay.locator("output").inner_text() and "speed" in replay.locator("output").inner_text()
+        before = float(replay.get_by_label("Time").input_value())
+        replay.get_by_label("Step back").click()
+        replay.get_by_label("Step back").click()
+        assert before - 0.2 < float(replay.get_by_label("Time").input_value()) < before
+        assert "held: collision imminent" in replay.locator(".legend").inner_text()
+        replay.get_by_role("button", name="Full screen").click()
+        tab.wait_for_function("document.fullscreenElement !== null")
 
 
-def test_paper_shows_everything_and_no_controls(browser: Browser, views: dict[str, str]) -> None:
-    with Visit(browser, views["hostile"]) as tab:
+def test_recordings_of_one_case_move_together(
+    visit: Callable[..., Any], look_over: Callable[..., None], tmp_path: Path
+) -> None:
+    folders = [tmp_path / planner for planner in ("orca", "stand-still")]
+    study = find("navigation")
+    for folder in folders:
+        settings = settings_of(
+            study.parameters, {"planner": folder.name, "require": "arrives: eventually goal_distance < 0.2"}, ""
+        )
+        study.run(Request(settings, 1, folder, 2), lambda *_: None)
+    page = together([study.read(folder).replay("1") for folder in folders])
+    (tmp_path / "both.html").write_text(to_html(page), encoding="utf-8")
+    with visit((tmp_path / "both.html").as_uri(), bypass_csp=True) as tab:
+        first, second = tab.get_by_label("Time").all()
+        first.press("Shift+ArrowRight")
+        assert first.input_value() == second.input_value() != "0"
+        second.press("End")
+        assert "violated arrives" in tab.locator("output").nth(1).inner_text()
+        look_over(tab, "1280", "light")
+        look_over(tab, "phone", "dark")
+
+
+def test_paper_shows_everything_and_no_controls(visit: Callable[..., Any], views: dict[str, str]) -> None:
+    with visit(views["hostile"]) as tab:
         tab.emulate_media(media="print")
         tab.evaluate("dispatchEvent(new Event('beforeprint'))")
         assert tab.locator("details.piece:not([open])").count() == 0

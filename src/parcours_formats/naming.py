@@ -13,7 +13,7 @@ _FOREIGN = re.compile(r"[^A-Za-z0-9_]+")
 
 
 class UniqueNames:
-    """Gives out names of one kind, each once; a second bearer of a name gets a number behind it.
+    """Hands out names of one kind, each once; a second bearer of a name gets a number behind it.
 
     >>> names = UniqueNames()
     >>> [names.label(wanted) for wanted in ("v_Login", "v_Login", "two\\nlines", "")]

@@ -38,6 +38,13 @@ BETTER = {
     "one per file": "subcommand a file/graph a file/kernel a file",
     "as usual": "as ever",
     "duplicated": "lost or doubled/lost, doubled/doubled messages/doubled keys",
+    "recently": "second of late",
+    "at random": "weights by chance/turns away by chance",
+    "generated, worded, written": "makes up/made up/making up",
+    "very many": "results are many/cases are many",
+    "serves, hands out, yields": "gives out/given out",
+    "without success": "in vain",
+    "headings": "heads are repeated/its heads sort",
     "words of this century": "thrice/thereof/hitherto/henceforth/wherefore/whence",
 }
 GAP = re.compile(r"""(?:[\s"'#>*|]|\bf["'])+""")  # between words of a phrase, also at the end of a line
@@ -62,6 +69,7 @@ def complaints(text: str) -> list[str]:
 
 def test_the_english_is_idiomatic() -> None:
     files = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("bench/*.*"), *ROOT.glob("src/**/*.py")]
+    files += [*ROOT.glob("src/**/*.js"), *ROOT.glob("src/**/*.html")]
     found = [
         f"{file.relative_to(ROOT)}:{complaint}"
         for file in sorted(files)

@@ -35,6 +35,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     root = base / "folder"
     shutil.copytree(EXAMPLES / "lift", root / "lift")
     shutil.copytree(EXAMPLES / "parking", root / "parking")
+    shutil.copytree(EXAMPLES / "ros2_python", root / "nodes")
+    shutil.copytree(EXAMPLES / "ros1_python", root / "ros1_python")
+    shutil.copy(EXAMPLES / "ros2_navigation/yard.yaml", root)
     for module in (
         "json",
         "yaml",
@@ -120,10 +123,17 @@ def test_no_file_outside_the_folder_is_given_out(server: Server, path: str) -> N
 
 def test_what_a_study_names_must_lie_in_the_folder(server: Server) -> None:
     text = (server.root / "lift/study.yaml").read_text()
-    for file in ("../../secret.yaml", "/etc/passwd", "../link.yaml"):
-        changed = text.replace("model: model.yaml", f"model: {file}")
-        found = server.api("POST", "check", changed, path="lift/study.yaml")
-        assert [one["rule"] for one in found["findings"]] == ["studio-outside"] and SECRET not in str(found)
+    binding = (server.root / "nodes/binding.yaml").read_text()
+    world = (server.root / "yard.yaml").read_text()
+    (server.root / "lift/between.yaml").write_text("image: ../../secret.yaml\n")
+    for file in ("../../secret.yaml", "/etc/passwd", "../link.yaml", "../lift/between.yaml"):
+        for path, changed in (
+            ("lift/study.yaml", text.replace("model: model.yaml", f"model: {file}")),
+            ("nodes/binding.yaml", binding.replace("model: ../ros1_python/model.yaml", f"model: {file}")),
+            ("nodes/binding.yaml", world.replace("  map: 10 cm", f"  map: {file}")),
+        ):
+            found = server.api("POST", "check", changed, path=path)
+            assert [one["rule"] for one in found["findings"]] == ["studio-outside"] and SECRET not in str(found)
 
 
 def test_too_much_is_refused_whether_or_not_its_length_is_said(server: Server) -> None:
@@ -162,6 +172,24 @@ def test_findings_are_those_of_the_commands(server: Server) -> None:
     assert (first["rule"], first["line"], first["file"]) == ("unknown-key", 5, "lift/study.yaml")
     [data] = server.api("POST", "check", "parcours: data/1\n", path="lift/domains.yaml")["findings"]
     assert data["severity"] == "error"
+
+
+def test_bindings_and_worlds_are_checked_and_drawn_as_they_are_edited(server: Server) -> None:
+    text = (server.root / "nodes/binding.yaml").read_text()
+    found = server.api("POST", "check", text, path="nodes/binding.yaml")
+    assert found["findings"] == [] and "Planner" in {one["component"] for one in found["drawings"]}
+    changed = text.replace("channels:", "chanels:")
+    wrong = server.api("POST", "check", changed, path="nodes/binding.yaml")["findings"]
+    assert {(one["file"], one["rule"]) for one in wrong} >= {("nodes/binding.yaml", "unknown-key")}
+
+    world = (server.root / "yard.yaml").read_text()
+    found = server.api("POST", "check", world, path="yard.yaml")
+    assert found["findings"] == [] and [one["title"] for one in found["drawings"]] == ["world yard, case 0"]
+    twice = world.replace("radius: 20 cm", "radius: -1").replace("tolerance: 0.25 m", "tolerance: 3 kg")
+    said = server.api("POST", "check", twice, path="yard.yaml")
+    lines = twice.splitlines()
+    places = {(one["file"], lines[one["line"] - 1].partition(":")[0]) for one in said["findings"]}
+    assert places == {("yard.yaml", "robot"), ("yard.yaml", "task")} and said["drawings"] == []
 
 
 def test_a_file_is_saved_unless_it_changed_meanwhile(server: Server) -> None:
@@ -208,7 +236,8 @@ def test_looking_at_a_folder_runs_none_of_its_code(server: Server) -> None:
     ):
         (run / "run.json").write_text(json.dumps(head | {"where": where}))
         status, _, content = server.ask("GET", "/api/watch", run="foreign")
-        assert status == 200 and b"event: refused" in content and b"studio-study" in content
+        assert status == 200 and b"event: refused" in content
+        assert (b"studio-code" if "lift.py:" in where else b"studio-study") in content
     for path in ("lift/study.yaml", "parking/study.yaml"):
         assert server.api("POST", "check", (server.root / path).read_text(), path=path)["findings"] == []
     assert server.api("POST", "cases", path="lift/study.yaml")
@@ -237,6 +266,22 @@ def test_a_run_is_watched_and_compared(server: Server, run: str) -> None:
     compared = server.api("POST", "compare", before=run, now=run)
     assert compared["shared"] == 60 and not any(row["worse"] for row in compared["rows"])
     assert (server.root.parent / "executed").exists() and not (server.root.parent / "imported").exists()
+
+
+def test_a_study_in_python_is_run_and_read_by_processes_of_their_own(server: Server) -> None:
+    (server.root / "own.py").write_text(
+        "import os\nfrom dataclasses import replace\nfrom parcours.study.finding import find\n"
+        "open('read by', 'a').write(f'{os.getpid()}\\n')\nSTUDY = replace(find('parking'), where='')\n"
+    )
+    started = str(server.api("POST", "run", path="own.py:STUDY", cases="8", settings="delay=0.2")["run"])
+    assert b"studio-code" in server.ask("GET", "/api/watch", run=started)[2]  # and ends
+    counts = next(one for one in events(server, started, until=8, code="1") if one["finished"] == 8)
+    assert counts["planned"] == 8
+    assert server.process.pid not in map(int, (server.root / "read by").read_text().split())
+    for settings in ("out=/tmp/elsewhere", "delay", "--delay=1", "junit=/tmp/x"):
+        assert server.refused("POST", "run", path="own.py:STUDY", settings=settings) == "studio-setting"
+    assert server.refused("POST", "run", path="../own.py:STUDY") == "studio-file"
+    assert server.refused("POST", "run", path="json:STUDY") == "studio-file"
 
 
 def test_a_case_of_a_study_is_executed_and_stepped_through(server: Server) -> None:

@@ -71,11 +71,11 @@ def start(root: Path, *options: str) -> Server:
     return found
 
 
-def events(server: Server, run: str, until: int = -1) -> Generator[dict[str, Any], None, None]:
+def events(server: Server, run: str, until: int = -1, **asked: str) -> Generator[dict[str, Any], None, None]:
     """Yield what the stream of a run says, until so many cases are finished."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     with contextlib.closing(connection):
-        connection.request("GET", f"/api/watch?{urlencode({'run': run})}", headers={"Cookie": server.cookie})
+        connection.request("GET", f"/api/watch?{urlencode({'run': run, **asked})}", headers={"Cookie": server.cookie})
         answer = connection.getresponse()
         assert answer.status == 200
         while line := answer.readline():

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from parcours.errors import BadModel, one_of
+from parcours.errors import BadModel, ParcoursError, one_of
 
 MAX_LABEL = 120
 """Longest name of a state, transition or machine [characters]."""
@@ -61,6 +61,18 @@ def advice(given: str, known: Sequence[str], found: Sequence[Finding]) -> str:
 def errors_among(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings that are errors, in the same order."""
     return tuple(finding for finding in findings if finding.severity == "error")
+
+
+def finding_of(error: ParcoursError, file: str) -> Finding:
+    """Return an error as a finding: at the line that it names, or of the whole file.
+
+    >>> finding_of(BadModel("yard.yaml:4", "a world has no such key", slug="unknown-key"), "yard.yaml").line
+    4
+    """
+    where, _, line = error.where.rpartition(":")
+    if line.isascii() and line.isdecimal():
+        return Finding(where, int(line), "error", error.slug, error.rule, error.remedy)
+    return Finding(file, 0, "error", error.slug, error.rule, error.remedy)
 
 
 def complaint(errors: tuple[Finding, ...]) -> BadModel:

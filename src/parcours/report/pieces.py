@@ -6,8 +6,9 @@ A study composes these; the rest of report/ turns them into HTML (page), text (t
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -165,6 +166,8 @@ class Animation:
         script: JavaScript of our own making, once on the page; it finds `data` in each `figure.replay`.
         note: small print below it.
         anchor: by which a link finds it; empty if none does.
+        exports: what writes it for other tools, by the end of a file's name.
+        together: whether it plays at the time of those beside it.
     """
 
     title: str
@@ -174,6 +177,8 @@ class Animation:
     script: str
     note: str = ""
     anchor: str = ""
+    exports: Mapping[str, Callable[[Path], None]] = field(default_factory=dict, compare=False)
+    together: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import sys
+from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -47,6 +48,22 @@ async def answer_of(folder: Folder, arguments: list[str], module: str = "parcour
     words = [line for line in complaint.decode(errors="replace").splitlines() if line.startswith("parcours: ")]
     rule = words[0].removeprefix("parcours: ") if words else complaint.decode(errors="replace")[-_MOST_KEPT:]
     raise BadRequest(f"parcours {arguments[0]}", f"refused: {rule}", slug="studio-refused")
+
+
+async def lines_of(folder: Folder, module: str, arguments: list[str]) -> AsyncIterator[str]:
+    """Yield the lines that a module prints while it runs; it is ended when no more are wanted.
+
+    Raises BadRequest: it refuses; the message is its own.
+    """
+    process = await _started(folder, module, arguments, asyncio.subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    try:
+        while line := await process.stdout.readline():
+            yield line.decode().strip()
+        said = (await process.stderr.read(_MOST_KEPT)).decode(errors="replace")
+        raise BadRequest(arguments[-1], f"its study cannot be read: {said}", slug="studio-refused")
+    finally:
+        await _end(process, signal.SIGKILL)
 
 
 async def _all(stream: asyncio.StreamReader) -> bytes:
@@ -89,18 +106,16 @@ class Runs:
         self._folder = folder
         self._running: dict[str, _Running] = {}
 
-    async def start(self, study: str, cases: int | None) -> str:
-        """Start `parcours run` of a study file into a new folder; return the folder's path."""
+    async def start(self, study: str, named: str, options: list[str]) -> str:
+        """Start `parcours run` of a study, `named` as on the command line; return the path of its new folder."""
         if any(one.process.returncode is None for one in self._running.values()):
             raise BadRequest(study, "one run at a time, but another goes on", "stop it first", slug="studio-running")
-        name = Path(study).parent.name or "study"
+        name = Path(study).parent.name or (study if study.isidentifier() else "study")
         places = (f"out/{name}-{number}" for number in itertools.count(1))
         place = next(one for one in places if not os.path.lexists(self._folder.root / one))
-        arguments = ["run", str(self._folder.root / study), "--out", str(self._folder.root / place)]
+        arguments = ["run", named, "--out", str(self._folder.root / place), *options]
         if self._folder.inside(self._folder.root / place) is None:
             raise BadRequest(place, "results must lie in the folder, but a link leads elsewhere", slug="studio-file")
-        if cases is not None:
-            arguments += ["--cases", str(cases)]
         process = await _started(self._folder, "parcours", arguments, asyncio.subprocess.DEVNULL)
         running = self._running[place] = _Running(process)
         running.reading = asyncio.create_task(_listen(running))

@@ -1,4 +1,4 @@
-"""Gives out the text files of one folder and nothing outside it: no link is followed, no special file opened.
+"""Serves the text files of one folder and nothing outside it: no link is followed, no special file opened.
 
 Each part of a path is opened in the folder before it, so what is checked is what is read:
 

@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import functools
 import json
+import re
 import signal
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -23,17 +24,20 @@ from starlette.routing import Route
 
 from parcours.errors import BadRequest, ParcoursError
 from parcours.paths import CRITERIA
-from parcours.studio.checking import checked, drawings, require_sound
-from parcours.studio.children import Runs, answer_of
+from parcours.studio.checking import checked, drawings, pictures_of, require_sound
+from parcours.studio.children import Runs, answer_of, lines_of
 from parcours.studio.folder import Folder, kind_of
 from parcours.studio.guarding import Guard
 from parcours.studio.stepping import planned
-from parcours.studio.watching import PERIOD, Watched, study_behind, summary
+from parcours.studio.watching import PERIOD, Watched, code_in, study_behind, summary
+from parcours.study.finding import registered
+from parcours.study.study_file import OPTIONS
 
 _OWN = {"": ("page.html", "text/html"), "studio.js": ("studio.js", "text/javascript"),
         "studio.css": ("studio.css", "text/css")}  # fmt: skip
-_QUIET = 150  # looks without news after which a line says that the server is still there
+_QUIET = 300  # looks without news after which a line says that the server is still there
 _MOST_WATCHED = 16
+_PARAMETER = re.compile(r"[a-z][a-z0-9_-]*")
 _CHOICES = [name for name in CRITERIA if name.islower()]  # the others take a number or names
 _STATUS = {"studio-changed": 409, "studio-running": 409, "studio-file": 404, "studio-size": 413}
 
@@ -69,7 +73,14 @@ class Studio:
         runs = [one.path for one in entries if one.kind == "run"]
         said = await run_in_threadpool(lambda: [summary(self.folder, run) for run in runs])
         listed = [dataclasses.asdict(one) for one in entries if one.kind != "run"]
-        return {"folder": self.folder.root.name, "files": listed, "runs": said, "all": is_all, "criteria": _CHOICES}
+        return {
+            "studies": sorted(_names()),
+            "folder": self.folder.root.name,
+            "files": listed,
+            "runs": said,
+            "all": is_all,
+            "criteria": _CHOICES,
+        }
 
     async def file(self, request: Request) -> object:
         """Return the text of a file, and its version."""
@@ -87,9 +98,8 @@ class Studio:
         await run_in_threadpool(self.folder.text, path)  # it is a file of the folder
 
         def look() -> object:
-            model, found = checked(self.folder, path, text)
-            return {"findings": [dataclasses.asdict(one) for one in found],
-                    "drawings": drawings(model) if model is not None else []}  # fmt: skip
+            found = checked(self.folder, path, text)
+            return {"findings": [dataclasses.asdict(one) for one in found.findings], "drawings": pictures_of(found)}
 
         return await run_in_threadpool(look)
 
@@ -106,7 +116,7 @@ class Studio:
         """Return what happens in an abstract case: of a study executed, of a model as it is demanded."""
         full, case, path = await self._sound(request), _asked(request, "case"), _asked(request, "path")
         text = (await run_in_threadpool(self.folder.text, path)).text
-        model, _ = await run_in_threadpool(checked, self.folder, path, text)
+        model = (await run_in_threadpool(checked, self.folder, path, text)).model
         if model is None:
             raise BadRequest(path, "it has no model to step through", slug="studio-step")
         if kind_of(text) == "model":
@@ -122,14 +132,18 @@ class Studio:
         return await answer_of(self.folder, ["study", "check", await self._sound(request), "--json"])
 
     async def run(self, request: Request) -> object:
-        """Start a run of a study."""
-        await self._sound(request)
+        """Start a run of a study: a study.yaml, `file.py:NAME` in the folder, or a registered one; with settings."""
+        path = _asked(request, "path")
+        code = await run_in_threadpool(code_in, self.folder, str(self.folder.root / path))
+        named = path if path in _names() else code or await self._sound(request)
+        options = [_option(one) for one in request.query_params.get("settings", "")[:4096].split()]
         cases = request.query_params.get("cases", "")
         if cases and not (cases.isascii() and cases.isdecimal() and 0 < int(cases) <= 100_000_000):
             raise BadRequest(
                 "cases", f"must be a number from 1 to 100000000, but is {cases[:20]!r}", slug="studio-cases"
             )
-        return {"run": await self.runs.start(_asked(request, "path"), int(cases) if cases else None)}
+        options += [f"--cases={int(cases)}"] if cases else []
+        return {"run": await self.runs.start(path, named, options)}
 
     async def stop(self, request: Request) -> object:
         """End a run that the studio started."""
@@ -143,18 +157,42 @@ class Studio:
     async def compare(self, request: Request) -> object:
         """Return how a run compares with an earlier one."""
         runs = _asked(request, "before"), _asked(request, "now")
-        for run in runs:
-            await run_in_threadpool(study_behind, self.folder, run)
+        if not request.query_params.get("code"):  # else the command runs it, apart
+            for run in runs:
+                await run_in_threadpool(study_behind, self.folder, run)
         found = await answer_of(self.folder, ["compare", *(str(self.folder.directory(run)) for run in runs), "--json"])
         assert isinstance(found, dict)
         return next(iter(found.values()))
 
     async def watch(self, request: Request) -> Response:
         """Return a stream of events: what is known of a run, each time that it changes."""
-        watched = await run_in_threadpool(Watched, self.folder, _asked(request, "run"))
+        run = _asked(request, "run")
+        watched = await run_in_threadpool(Watched, self.folder, run)
         if self._watchers >= _MOST_WATCHED:
             raise HTTPException(429, "Too many runs are watched at once.")
-        return StreamingResponse(self._events(watched), media_type="text/event-stream")
+        events = self._events_apart(run) if request.query_params.get("code") else self._events(watched)
+        return StreamingResponse(events, media_type="text/event-stream")
+
+    async def _events_apart(self, run: str) -> AsyncIterator[str]:
+        """Yield the same of a run whose study is code of the folder, read by a process of its own."""
+        self._watchers += 1
+        lines = lines_of(self.folder, "parcours.studio.watching", [str(self.folder.root), run])
+        ahead = None
+        try:
+            while not self.closing:
+                ahead = ahead or asyncio.ensure_future(anext(lines))
+                done, _ = await asyncio.wait([ahead], timeout=1.0)
+                if done:
+                    yield f"data: {ahead.result()}\n\n"
+                    ahead = None
+        except ParcoursError as error:
+            yield f"event: refused\ndata: {_json({'error': str(error), 'slug': error.slug})}\n\n"
+        finally:
+            self._watchers -= 1
+            if ahead is not None:
+                ahead.cancel()
+                await asyncio.wait([ahead])
+            await lines.aclose()
 
     async def _events(self, watched: Watched) -> AsyncIterator[str]:
         self._watchers += 1
@@ -164,7 +202,7 @@ class Studio:
                 try:
                     news = await run_in_threadpool(watched.news)
                 except ParcoursError as error:
-                    yield f"event: refused\ndata: {_json({'error': str(error)})}\n\n"
+                    yield f"event: refused\ndata: {_json({'error': str(error), 'slug': error.slug})}\n\n"
                     return
                 quiet = 0 if news is not None else quiet + 1
                 if news is not None:
@@ -179,6 +217,19 @@ class Studio:
         path = _asked(request, "path")
         await run_in_threadpool(require_sound, self.folder, path)
         return str(self.folder.root / path)
+
+
+def _names() -> set[str]:
+    return {one.name for one in registered()}
+
+
+def _option(setting: str) -> str:
+    """Return NAME=VALUE, a parameter of a study, as an option of `parcours run`."""
+    name, equals, value = setting.partition("=")
+    if not equals or not _PARAMETER.fullmatch(name) or name.replace("-", "_") in OPTIONS:
+        rule = f"a setting must be NAME=VALUE, a parameter of the study, but is {setting[:80]!r}"
+        raise BadRequest("settings", rule, "see `parcours run STUDY --help`", slug="studio-setting")
+    return f"--{name.replace('_', '-')}={value}"
 
 
 def _asked(request: Request, name: str) -> str:

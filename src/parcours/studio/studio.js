@@ -2,9 +2,12 @@
 "use strict";
 
 const $ = (selector) => document.querySelector(selector);
-const main = $("main");
 let listed = null; // what the folder holds
-let leave = () => true; // asks whether a view may be left, and ends it
+let here = newView(); // the view that is shown: what it shows, and what asks whether it may be left, and ends it
+
+function newView() {
+  return { main: el("div"), leave: () => true, unsaved: () => false };
+}
 
 /** Return an element with attributes, functions for events, and children; a text is a text. */
 function el(tag, attributes = {}, ...children) {
@@ -24,7 +27,7 @@ async function ask(method, name, parameters = {}, body = undefined) {
   try {
     answer = await fetch(`/api/${name}?${new URLSearchParams(parameters)}`, { method, body });
   } catch {
-    throw new Error("The studio does not answer: was it ended?");
+    throw new Error("The studio does not answer: has it been stopped?");
   }
   if ((answer.headers.get("content-type") || "").startsWith("application/json")) {
     const found = await answer.json();
@@ -55,7 +58,7 @@ const percent = (share) => `${(100 * share).toFixed(1)} %`;
 
 function table(caption, heads, rows) {
   const numeric = (cell) => (typeof cell === "number" ? "number" : "");
-  return el("div", { class: "scroll" }, el("table", {}, el("caption", {}, caption),
+  return el("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": caption }, el("table", {}, el("caption", {}, caption),
     el("thead", {}, el("tr", {}, heads.map((head) => el("th", { scope: "col" }, head)))),
     el("tbody", {}, rows.map((row) => el("tr", {}, row.map((cell) =>
       el("td", { class: numeric(cell) }, cell instanceof Node ? cell : String(cell ?? ""))))))));
@@ -91,8 +94,9 @@ function mark() {
 
 // ---- home: runs, and two of them compared
 
-function home() {
-  main.replaceChildren(el("h2", {}, "Runs in this folder"));
+function home(view) {
+  const { main } = view;
+  main.replaceChildren(starting(view), el("h2", {}, "Runs in this folder"));
   if (!listed.runs.length) {
     main.append(el("p", {}, "There is no run yet. Open a study and run it, or write one here: parcours run STUDY --out out/mine"));
     return;
@@ -108,10 +112,25 @@ function home() {
     el("label", { for: "now" }, "now"), now, el("button", { click: () => { location.hash = link("compare", before.value, now.value); } }, "Compare")));
 }
 
-async function compare(before, now) {
+/** Starts studies that have no study.yaml here: registered ones, and those in Python. */
+function starting(view) {
+  const study = el("input", { id: "study", list: "studies", placeholder: "NAME or file.py:NAME", spellcheck: "false" });
+  const settings = el("input", { id: "settings", placeholder: "parameter=value ...", spellcheck: "false" });
+  const cases = el("input", { id: "number", type: "number", min: "1", placeholder: "all" });
+  const run = () => attempt("Starting", async () => {
+    const found = await ask("POST", "run", { path: study.value, settings: settings.value, cases: cases.value });
+    if (study.value.includes(".py:")) trusted.add(found.run);
+    if (here === view) location.hash = link("run", found.run);
+  });
+  return el("details", {}, el("summary", {}, "Run a registered study, or one in Python"), el("div", { class: "bar" },
+    el("label", { for: "study" }, "study"), study, el("datalist", { id: "studies" }, listed.studies.map((name) => el("option", { value: name }))),
+    el("label", { for: "settings" }, "settings"), settings, el("label", { for: "number" }, "cases"), cases, el("button", { click: run }, "Run")));
+}
+
+async function compare({ main }, before, now) {
   main.replaceChildren(el("h2", {}, `${now} against ${before}`));
   await attempt("Comparing", async () => {
-    const found = await ask("POST", "compare", { before, now });
+    const found = await ask("POST", "compare", [before, now].every((run) => !trusted.has(run)) ? { before, now } : { before, now, code: "1" });
     if (!found.shared) {
       const heads = Object.keys(found.rows[0] ?? {});
       main.append(table("The runs share no cases: two separate samples", heads, found.rows.map((row) => heads.map((head) => row[head]))));
@@ -127,7 +146,7 @@ async function compare(before, now) {
 
 // ---- a file: its text, what is wrong with it, drawings beside it
 
-async function file(path) {
+async function file(view, path) {
   const kind = listed.files.find((one) => one.path === path)?.kind ?? "file";
   const opened = await ask("GET", "file", { path });
   let { version, text: saved } = opened;
@@ -189,32 +208,31 @@ async function file(path) {
   area.addEventListener("keydown", (event) => {
     if ((event.ctrlKey || event.metaKey) && event.key === "s") { event.preventDefault(); attempt("Saving", store); }
   });
-  leave = () => { clearTimeout(timer); turn++; return area.value === saved || confirm(`${path} is not saved. Leave it?`); };
-  const unsaved = () => area.value !== saved;
-  window.onbeforeunload = (event) => { if (unsaved()) event.preventDefault(); };
+  const unsaved = view.unsaved = () => area.value !== saved;
+  view.leave = () => { clearTimeout(timer); turn++; return !unsaved() || confirm(`${path} is not saved. Leave it?`); };
 
   edited();
   number();
+  const { main } = view;
   main.replaceChildren(el("h2", {}, path), el("div", { class: "bar" }, save, el("span", { class: "soft" }, "Ctrl-S")),
     el("div", { class: "sides" }, el("div", {}, el("div", { class: "editor" }, gutter, area), findings), beside));
-  if (kind === "study") main.append(running(path, unsaved));
-  if (kind === "study" || kind === "model") main.append(generating(path, unsaved));
+  if (kind === "study") main.append(running(view, path));
+  if (kind === "study" || kind === "model") main.append(generating(view, path));
   await check();
 }
 
-const ensured = (unsaved) => { if (unsaved()) throw new Error("Save the file first: what lies on the disk is used."); };
+const ensured = (view) => { if (view.unsaved()) throw new Error("Save the file first: what lies on the disk is used."); };
 
-function running(path, unsaved) {
+function running(view, path) {
   const count = el("input", { type: "number", min: "1", id: "count", placeholder: "all" });
   const said = el("ul", { class: "findings" });
   const run = () => attempt("Starting", async () => {
-    ensured(unsaved);
+    ensured(view);
     const found = await ask("POST", "run", { path, cases: count.value });
-    leave = () => true;
-    location.hash = link("run", found.run);
+    if (here === view) location.hash = link("run", found.run);
   });
   const battery = () => attempt("Checking the study, which runs some of its cases", async () => {
-    ensured(unsaved);
+    ensured(view);
     const found = await ask("POST", "study", { path });
     said.replaceChildren(...(found.findings.length ? found.findings.map((one) => el("li", {}, `${one.level}: ${one.where}: ${one.rule}${one.remedy ? `; ${one.remedy}` : ""}`)) : [el("li", { class: "good" }, "the study passes its check")]));
   });
@@ -222,12 +240,12 @@ function running(path, unsaved) {
     el("button", { click: run }, "Run"), el("button", { click: battery }, "Check the study")), said);
 }
 
-function generating(path, unsaved) {
+function generating(view, path) {
   const criterion = el("select", { id: "criterion" }, listed.criteria.map((name) => el("option", {}, name)));
   criterion.value = "edge";
   const into = el("div", {});
   const paths = () => attempt("Looking for paths", async () => {
-    ensured(unsaved);
+    ensured(view);
     const found = await ask("POST", "paths", { path, criterion: criterion.value });
     const rows = Array.isArray(found)
       ? found.flatMap((one) => one.paths.map((each) => [one.component, each.name, each.transitions.join(" "), each.transitions.length]))
@@ -235,7 +253,7 @@ function generating(path, unsaved) {
     into.replaceChildren(table(`${rows.length} paths, ${criterion.value} coverage`, ["component", "path", "transitions", "length"], rows));
   });
   const cases = () => attempt("Making abstract cases", async () => {
-    ensured(unsaved);
+    ensured(view);
     const found = await ask("POST", "cases", { path });
     const rows = found.slice(0, 500).map((one) => [el("a", { href: link("step", path, one.id) }, one.id), one.interaction, one.combination]);
     into.replaceChildren(table(`${found.length} abstract cases; choose one to step through it`, ["case", "interaction", "paths"], rows));
@@ -248,13 +266,14 @@ function generating(path, unsaved) {
 function show(into, drawings) {
   into.replaceChildren(...drawings.map((one) => {
     const picture = new DOMParser().parseFromString(one.svg, "image/svg+xml").documentElement;
-    return el("div", { class: "drawing" }, document.importNode(picture, true));
+    return el("div", { class: "drawing", tabindex: "0", role: "group", "aria-label": one.title }, document.importNode(picture, true));
   }));
 }
 
 // ---- a case, step by step: the state that each machine is in, and the transition just taken
 
-async function step(path, id) {
+async function step(view, path, id) {
+  const { main } = view;
   main.replaceChildren(el("h2", {}, id));
   await attempt("Executing the case", async () => {
     const found = await ask("POST", "step", { path, case: id });
@@ -292,7 +311,7 @@ async function step(path, id) {
       const move = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1, Home: -events.length, End: events.length }[event.key];
       if (move) { event.preventDefault(); to(at + move); }
     });
-    leave = () => { stop(); return true; };
+    view.leave = () => { stop(); return true; };
     show(pictures, machines);
     const values = Object.entries(found.values).map(([name, value]) => `${name} = ${value}`).join(", ");
     main.append(el("p", {}, found.verdict ? el("span", { class: found.verdict === "pass" ? "good" : "bad" }, found.verdict) : "planned", `: ${found.why}`),
@@ -319,14 +338,16 @@ function light(drawing, state, transition) {
 
 // ---- a run, while it goes on
 
-async function watch(run) {
+const trusted = new Set(); // runs whose study is code of the folder that the user wants to be run
+
+async function watch(view, run) {
   const body = el("div", {}), own = el("div", {});
-  main.replaceChildren(el("h2", {}, run), own, body);
-  const events = new EventSource(`/api/watch?${new URLSearchParams({ run })}`);
+  view.main.replaceChildren(el("h2", {}, run), own, body);
+  const events = new EventSource(`/api/watch?${new URLSearchParams(trusted.has(run) ? { run, code: "1" } : { run })}`);
   let timer = 0;
-  leave = () => { events.close(); clearTimeout(timer); return true; };
+  view.leave = () => { events.close(); clearTimeout(timer); return true; };
   events.onmessage = (event) => { const news = JSON.parse(event.data); body.replaceChildren(...outcomes(news)); body.dataset.finished = news.finished; say(""); };
-  events.addEventListener("refused", (event) => { events.close(); refuse(JSON.parse(event.data).error); });
+  events.addEventListener("refused", (event) => { events.close(); const { error, slug } = JSON.parse(event.data); refuse(error); if (slug === "studio-code") body.append(trusting(run)); });
   events.onerror = () => { if (events.readyState === EventSource.CLOSED) refuse("There is nothing to watch there."); };
   const refuse = (why) => body.replaceChildren(el("p", { class: "bad" }, why));
 
@@ -343,15 +364,19 @@ async function watch(run) {
   }
 
   async function follow() {
-    if ((await ownState()).running) timer = setTimeout(follow, 1000);
+    const { running } = await ownState();
+    if (here !== view) return;
+    if (running) timer = setTimeout(follow, 1000);
     else if (!listed.runs.some((one) => one.run === run)) await refresh();
   }
   await follow();
 }
 
+const trusting = (run) => el("button", { click: () => { trusted.add(run); route(); } }, "Run its code");
+
 function outcomes(news) {
   const all = news.planned ? `${news.finished} of ${news.planned} cases` : `${news.finished} cases`;
-  const rate = news.per_second ? `, ${news.per_second.toPrecision(3)} a second of late` : "";
+  const rate = news.per_second ? `, ${news.per_second.toPrecision(3)} per second recently` : "";
   const changed = news.changed ? `; the last one at ${new Date(1000 * news.changed).toLocaleTimeString()}` : "";
   const grade = { pass: "good", fail: "bad", error: "bad" };
   const rows = news.verdicts.map((one) => [el("span", { class: grade[one.verdict] ?? "" }, one.verdict), one.cases, percent(one.share), `[${percent(one.low)}, ${percent(one.high)}]`]);
@@ -370,24 +395,25 @@ let current = "";
 
 async function route() {
   if (location.hash && !location.hash.startsWith("#/")) return; // the link to the content
-  if (!leave()) { history.replaceState(null, "", current); return; }
-  leave = () => true;
-  window.onbeforeunload = null;
+  if (!here.leave()) { history.replaceState(null, "", current); return; }
+  const view = here = newView(); // what a view that was left still waits for comes into its own element
+  $("main").replaceChildren(view.main);
   current = location.hash || "#/";
   mark();
   say("");
   try {
     const [name, ...parts] = location.hash.slice(2).split("/").map(decodeURIComponent);
     document.title = `${parts.at(-1) ?? "Parcours studio"} – Parcours studio`;
-    if (!name) { await refresh(); home(); } else if (Object.hasOwn(views, name)) await views[name](...parts);
+    if (!name) { await refresh(); home(view); } else if (Object.hasOwn(views, name)) await views[name](view, ...parts);
     else throw new Error("There is no such view.");
   } catch (error) {
-    main.replaceChildren(el("p", { class: "bad" }, error.message));
+    view.main.replaceChildren(el("p", { class: "bad" }, error.message));
   }
 }
 
 if (location.search) history.replaceState(null, "", location.pathname + location.hash); // the token, out of sight
 window.addEventListener("hashchange", route);
+window.addEventListener("beforeunload", (event) => { if (here.unsaved()) event.preventDefault(); });
 try {
   await refresh();
   await route();

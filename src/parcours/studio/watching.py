@@ -8,21 +8,28 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+import sys
 import tempfile
+import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.report.junit import CaseResult
 from parcours.run.store import MANIFEST, Store, open_results
 from parcours.studio.folder import Folder
 from parcours.study.components.results import FILE as COMPONENTS
 from parcours.study.finding import find, registered
+from parcours.study.gate import Judged
 from parcours.study.journal import CASES, RUN, read_question
-from parcours.study.protocol import Study
+from parcours.study.protocol import Results, Study
+from parcours.study.summing import Caused
+from parcours.verdict.judgement import Verdict
 from parcours.verdict.sequential import rate_at_any_time
 
-PERIOD = 0.1
+PERIOD = 0.05
 """Time between two looks at a folder [s]."""
 
 _AT_ONCE = 16  # shards that are read in one look
@@ -34,8 +41,8 @@ _RECENT = 32  # arrivals that the speed is taken from
 class Watched:
     """What is known of a run from its files alone."""
 
-    def __init__(self, folder: Folder, run: str) -> None:
-        self.run = run
+    def __init__(self, folder: Folder, run: str, *, trusted: bool = False) -> None:
+        self.run, self._trusted = run, trusted
         self._path = folder.directory(run)
         self._folder = folder
         self._study: Study | None = None
@@ -55,11 +62,13 @@ class Watched:
             BadResults: the folder holds no results, or damaged ones.
         """
         if self._study is None:
-            self._study = study_behind(self._folder, self.run)
+            self._study = study_behind(self._folder, self.run, trusted=self._trusted)
         before = self._planned, self._counts.total()
         if self._store is None and (self._path / MANIFEST).is_file():
             self._store = _opened(self._folder, self.run)
             self._planned = self._store.planned
+            with self._slice(MANIFEST) as part:  # no case yet: what reads them is loaded before the first shard comes
+                self._add(part, 0.0)
         if self._store is not None:
             self._look_at_shards(self._store)
         else:
@@ -109,15 +118,15 @@ class Watched:
         assert self._study is not None
         try:
             results = self._study.read(part)
-            cases = results.cases()
+            n, counts, failed = _summed(results)
         except ParcoursError as error:  # it names the folder that was made
             raise type(error)(error.where.replace(str(part), self.run), error.rule.replace(str(part), self.run),
                               error.remedy, slug=error.slug) from error  # fmt: skip
 
         self._label = results.label
-        self._arrivals.append((changed, len(cases)))
-        self._counts.update(str(one.verdict) for one in cases)
-        failed = [one for one in cases if str(one.verdict) != "pass"][-_LATEST:]
+        if n:
+            self._arrivals.append((changed, n))
+        self._counts.update(counts)
         self._latest.extend({"id": one.id, "verdict": str(one.verdict), "why": one.why[:500]} for one in failed)
 
     def _known(self, study: str) -> dict[str, object]:
@@ -135,8 +144,22 @@ class Watched:
         }  # fmt: skip
 
 
-def study_behind(folder: Folder, run: str) -> Study:
+def _summed(results: Results) -> tuple[int, Counter[str], Sequence[CaseResult]]:
+    """Return how many cases there are, how many have each verdict, and the last that did not pass."""
+    if not (isinstance(results, Judged) and isinstance(results, Caused)):
+        cases = results.cases()
+        failed = [one for one in cases if one.verdict is not Verdict.PASS]
+        return len(cases), Counter(str(one.verdict) for one in cases), failed[-_LATEST:]
+    verdicts = results.case_verdicts()  # reasons are worded only for the cases that are shown
+    places = [k for k, verdict in enumerate(verdicts) if verdict is not Verdict.PASS][-_LATEST:]
+    return len(verdicts), Counter(map(str, verdicts)), results.some_cases(places)
+
+
+def study_behind(folder: Folder, run: str, *, trusted: bool = False) -> Study:
     """Return the study that wrote a folder of results, if it is an installed one, or a study.yaml in the folder.
+
+    Args:
+        trusted: whether one of Python code in the folder is loaded, too, which runs that code.
 
     Raises:
         BadRequest: to find it would run code that lies in the folder, or it lies elsewhere.
@@ -146,6 +169,11 @@ def study_behind(folder: Folder, run: str) -> Study:
     where = str(_question(folder, run)["where"]) if (path / RUN).is_file() else _opened(folder, run).campaign.study
     if where in {one.name for one in registered()}:
         return find(where)
+    if (code := code_in(folder, where)) is not None:
+        if not trusted:
+            rule = "its study is Python code in the folder, which looking does not run"
+            raise BadRequest(run, rule, "choose *Run its code* to read it", slug="studio-code")
+        return find(code)
     inside = folder.inside(folder.root / where) if where.endswith((".yaml", ".yml")) else None
     if inside is None:
         rule = f"the study must be a study.yaml in the studio's folder or a registered one, but is {where[:200]!r}"
@@ -153,6 +181,28 @@ def study_behind(folder: Folder, run: str) -> Study:
         raise BadRequest(run, rule, remedy, slug="studio-study")
     folder.read(inside, 1_000_000)
     return find(str(folder.root / inside))
+
+
+def code_in(folder: Folder, where: str) -> str | None:
+    """Return how a command names `file.py:NAME` whose file lies in the folder, without links; None for all else."""
+    file, _, name = where.rpartition(":")
+    path = folder.root / file
+    if not (file.endswith(".py") and name.isidentifier() and path.is_relative_to(folder.root)):
+        return None
+    with contextlib.suppress(BadRequest):
+        folder.read(path.relative_to(folder.root).as_posix(), _LARGEST, cut=True)
+        return f"{path}:{name}"
+    return None
+
+
+def main(root: str, run: str) -> None:
+    """Print what is known of a run as a line of JSON, each time that it changes; runs the code of its study."""
+    watched = Watched(Folder(Path(root)), run, trusted=True)
+    while os.getppid() != 1:  # the studio ends it, or is gone
+        news = watched.news()
+        if news is not None:
+            print(json.dumps(news), flush=True)  # noqa: T201
+        time.sleep(PERIOD)
 
 
 def summary(folder: Folder, run: str) -> dict[str, object]:
@@ -179,3 +229,11 @@ def _question(folder: Folder, run: str) -> dict[str, object]:
 def _opened(folder: Folder, run: str) -> Store:
     folder.read(f"{run}/{MANIFEST}", _LARGEST)
     return open_results(folder.directory(run))
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:3])
+    except ParcoursError as error:
+        sys.stderr.write(f"parcours: {error}\n")
+        sys.exit(2)

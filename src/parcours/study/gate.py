@@ -187,7 +187,7 @@ def check_conditions(conditions: Sequence[GateCondition], results: Results) -> l
 
 @runtime_checkable
 class Judged(Protocol):
-    """Results that know the verdicts of their cases without making up reasons."""
+    """Results that know the verdicts of their cases without wording a reason for each."""
 
     def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, in their order."""

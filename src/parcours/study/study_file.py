@@ -25,7 +25,7 @@ FORMAT = "study/1"
 KIND_GROUP = "parcours.kinds"
 _COMMON = ("doc", "kind", "parameters")
 # Options that commands or kinds of study have: no parameter may have their names
-_OPTIONS = (
+OPTIONS = (
     "address", "as_json", "baseline", "case", "cases", "cases_from", "chosen", "engine", "fail_if", "fresh",
     "graph", "help", "host", "json", "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study",
     "workers",
@@ -51,7 +51,7 @@ def read_study(path: Path) -> Study:
 
 
 def check_study_file(path: Path, text: str | None = None) -> tuple[Study | None, tuple[Finding, ...]]:
-    """Return the study of a file, or of a text that is to become it; None if it has errors; and every finding."""
+    """Return the study of a file, or of a text that will replace it; None if it has errors; and every finding."""
     try:
         if text is None:
             with path.open("rb") as file:
@@ -272,7 +272,7 @@ class StudyReader(QuantityReader):
 
     def _parameter(self, name: str, node: Node) -> Parameter:
         what = f"parameter {name}"
-        if name in _OPTIONS:
+        if name in OPTIONS:
             self.add(node, "study-double", f"{what}: --{name.replace('_', '-')} is an option already", "rename it")
         entries = self.record(node, what, ("default",), ("type", "unit", "range", "choices", "doc"))
         kind = self.one_of(entries.get("type"), f"type of {what}", KINDS, "real")

@@ -111,7 +111,7 @@ class _Followed:
         self._try_again(event.time)
 
     def expire(self, now: int) -> None:
-        """See whether something did not come, or came in vain, by now [ns]."""
+        """See whether something did not come, or came without being expected, by now [ns]."""
         while self._waiting and self._own(now) - self._waiting[0][0] > SLACK:
             self._pass(self._base, "", self._waiting.popleft()[1], now)
         if not self._waiting:

@@ -9,6 +9,8 @@
     element.append(...inside);
     return element;
   };
+  const LEGEND = [["--c1", "robot, its way", "○"], ["--c0", "held: collision imminent", "○"], ["--ink", "others", "○"], ["--c3", "goal", "○"]];
+  const players = [];
   const TRAIL = 3; // how long an obstacle's trail is [s]
   const redraws = [];
 
@@ -26,15 +28,28 @@
     const [width, height] = d.size, rim = 1.2 * Math.max(d.r, d.tol, 0, ...d.or);
 
     const field = make("canvas", { class: "field", "aria-hidden": "true" });
-    const strip = make("canvas", { class: "strip", "aria-hidden": "true", title: "Clearance over time, up to 0.5 m; drag to move in time" });
+    const strip = make("canvas", { class: "strip", "aria-hidden": "true", title: "Clearance up to 0.5 m, speed, requirements over time; drag to move in time" });
+    const required = d.req ?? [], tall = 96 + 14 * required.length;
+    const rate = t.map((_, i) => { const a = Math.max(0, i - 2), b = Math.min(n - 1, i + 2); return b > a ? Math.hypot(x[b] - x[a], y[b] - y[a]) / (t[b] - t[a]) : 0; });
+    const fastest = Math.max(0.1, ...rate);
+    const back = make("button", { type: "button", class: "step", "aria-label": "Step back" }, "‹");
+    const on = make("button", { type: "button", class: "step", "aria-label": "Step on" }, "›");
+    const full = make("button", { type: "button" }, "Full screen");
+    const parts = [...LEGEND, ...(d.scan?.[0] ? [["--c5", "what the scan meets", "•"]] : []), ...(d.path?.length ? [["--c3", "way that is shown to the planner", "╌"]] : [])];
+    const legend = make("p", { class: "legend" }, ...parts.map(([colour, words, sign]) => {
+      const mark = make("span", { "aria-hidden": "true" }, sign);
+      mark.style.color = `var(${colour})`;
+      return make("span", {}, mark, ` ${words}`);
+    }));
     const button = make("button", { type: "button" }, "Play");
     const slider = make("input", { type: "range", min: start, max: end, step: "any", value: start, "aria-label": "Time" });
     const speed = make("select", { "aria-label": "Speed" }, ...[1, 2, 5].map((k) => make("option", { value: k }, `${k}×`)));
     const output = make("output");
-    const box = make("div", { class: "player" }, field, strip, make("div", { class: "bar" }, button, slider, speed), output);
+    const box = make("div", { class: "player" }, field, strip, make("div", { class: "bar" }, button, slider, speed), make("div", { class: "bar more" }, back, on, full), output, legend);
     figure.querySelector(".still").after(box);
 
     let now = start, running = false, last = 0;
+    const tallest = () => (document.fullscreenElement === box ? Math.max(200, innerHeight - tall - 140) : 640);
 
     const sample = (time) => { // the last sample at or before a time
       let low = 0, high = n - 1;
@@ -79,7 +94,7 @@
     function draw() {
       const w = box.clientWidth;
       if (!w) return;
-      const scale = Math.min(w / (width + 2 * rim), 640 / (height + 2 * rim));
+      const scale = Math.min(w / (width + 2 * rim), tallest() / (height + 2 * rim));
       const left = (w - width * scale) / 2;
       const px = (m) => left + m * scale, py = (m) => (height + rim - m) * scale;
       const g = prepare(field, w, (height + 2 * rim) * scale);
@@ -153,29 +168,55 @@
         const b = make("b", name ? { class: name } : {}, value);
         return make("span", {}, `${label} `, b);
       };
+      const broken = required.filter(([, when]) => when !== null && when <= now + 1e-3).map(([name]) => name);
       output.replaceChildren(cell("time", `${now.toFixed(1)} s`), cell("clearance", clear),
+        cell("speed", `${(rate[i] + f * (rate[j] - rate[i])).toFixed(2)} m/s`), ...(broken.length ? [cell("violated", broken.join(", "), "alert")] : []),
         cell("least", isFinite(least) ? `${least.toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "alert" : ""));
       slider.value = now;
       slider.setAttribute("aria-valuetext", `${now.toFixed(1)} s, clearance ${clear}${halted[i] ? ", halted" : ""}`);
     }
 
-    function drawStrip(w, from, to) { // clearance over time; shaded while halted
-      const tall = 54, g = prepare(strip, w, tall), across = (time) => from + (to - from) * (time - start) / (end - start || 1);
+    function drawStrip(w, from, to) { // one time line: clearance, shaded while halted; speed; requirements
+      drawLine(w, from, to, 54);
+      const g = strip.getContext("2d"), across = (time) => from + (to - from) * (time - start) / (end - start || 1);
+      const up = (v) => 90 - 30 * v / fastest;
+      g.strokeStyle = css("--rule"); g.lineWidth = 1; g.beginPath(); g.moveTo(from, up(0)); g.lineTo(to, up(0)); g.stroke();
+      g.strokeStyle = css("--c1"); g.lineWidth = 1.3; g.beginPath();
+      rate.forEach((v, s) => g[s ? "lineTo" : "moveTo"](across(t[s]), up(v)));
+      g.stroke();
+      g.font = "11px system-ui, sans-serif"; g.textBaseline = "middle"; g.fillStyle = css("--muted"); g.textAlign = "left";
+      g.fillText("clearance, up to 0.5 m", from + 2, 8); g.fillText(`speed, up to ${fastest.toFixed(2)} m/s`, from + 2, 58);
+      required.forEach(([name, when], k) => {
+        const y = 103 + 14 * k, broke = when === null ? to : Math.min(to - 3, across(Math.max(start, when)));
+        g.lineWidth = 3; g.strokeStyle = css("--c3"); g.beginPath(); g.moveTo(from, y + 5); g.lineTo(broke, y + 5); g.stroke();
+        g.strokeStyle = css("--c0"); g.beginPath(); g.moveTo(broke, y + 5); g.lineTo(to, y + 5); g.stroke();
+        g.fillText(name, from + 2, y - 2);
+      });
+      g.strokeStyle = css("--c1"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(across(now), 2); g.lineTo(across(now), tall - 2); g.stroke();
+    }
+
+    function drawLine(w, from, to, high) {
+      const g = prepare(strip, w, tall), across = (time) => from + (to - from) * (time - start) / (end - start || 1);
       g.globalAlpha = 0.2; g.fillStyle = css("--c0");
       d.halts.forEach((a, k) => {
-        if (k % 2 === 0) { const b = d.halts[k + 1] ?? n - 1; g.fillRect(across(t[a]), 6, Math.max(1, across(t[b]) - across(t[a])), tall - 12); }
+        if (k % 2 === 0) { const b = d.halts[k + 1] ?? n - 1; g.fillRect(across(t[a]), 6, Math.max(1, across(t[b]) - across(t[a])), high - 12); }
       });
       g.globalAlpha = 1;
       if (isFinite(least)) {
-        const low = Math.min(0, least), top = Math.max(0.5, low + 0.5), up = (v) => tall - 6 - (tall - 12) * (Math.min(v, top) - low) / (top - low);
+        const low = Math.min(0, least), top = Math.max(0.5, low + 0.5), up = (v) => high - 6 - (high - 12) * (Math.min(v, top) - low) / (top - low);
         g.strokeStyle = css("--rule"); g.lineWidth = 1; g.beginPath(); g.moveTo(from, up(0)); g.lineTo(to, up(0)); g.stroke();
         g.strokeStyle = css("--muted"); g.lineWidth = 1.3; g.beginPath();
         gap.forEach((v, s) => g[s ? "lineTo" : "moveTo"](across(t[s]), up(v)));
         g.stroke();
         g.fillStyle = css("--ink"); g.beginPath(); g.arc(across(t[lowest]), up(least), 2.6, 0, 2 * Math.PI); g.fill();
       }
-      g.strokeStyle = css("--c1"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(across(now), 2); g.lineTo(across(now), tall - 2); g.stroke();
     }
+
+    const group = figure.closest(".replays[data-together]");
+    const others = () => (group ? players.filter((one) => one.group === group && one !== self) : []);
+    const self = { group, show(time) { now = Math.min(end, Math.max(start, time)); draw(); }, halt() { if (running) set(false); } };
+    players.push(self);
+    const shared = () => others().forEach((one) => one.show(now));
 
     function frame(stamp) {
       if (!running) return;
@@ -183,12 +224,14 @@
       last = stamp;
       if (now >= end) { now = end; set(false); }
       draw();
+      shared();
       if (running) requestAnimationFrame(frame);
     }
     function set(go) {
       running = go;
       button.textContent = go ? "Pause" : now >= end ? "Replay" : "Play";
       if (!go) return;
+      others().forEach((one) => one.halt());
       if (now >= end) now = start;
       requestAnimationFrame((stamp) => { last = stamp; frame(stamp); });
     }
@@ -196,9 +239,18 @@
       now = Math.min(end, Math.max(start, time));
       if (!running) set(false);
       draw();
+      shared();
+    }
+    function stepped(by) { // to the next sample
+      set(false);
+      const i = sample(now);
+      seek(by < 0 && now > t[i] ? t[i] : t[Math.min(n - 1, Math.max(0, i + by))]);
     }
 
     button.addEventListener("click", () => set(!running));
+    back.addEventListener("click", () => stepped(-1));
+    on.addEventListener("click", () => stepped(1));
+    full.addEventListener("click", () => (document.fullscreenElement ? document.exitFullscreen() : box.requestFullscreen()));
     field.addEventListener("click", () => set(!running));
     slider.addEventListener("input", () => seek(Number(slider.value)));
     slider.addEventListener("keydown", (event) => { // one second a key, ten with shift or page keys
@@ -208,7 +260,7 @@
     });
     let dragging = false;
     const pointed = (event) => {
-      const scale = Math.min(box.clientWidth / (width + 2 * rim), 640 / (height + 2 * rim));
+      const scale = Math.min(box.clientWidth / (width + 2 * rim), tallest() / (height + 2 * rim));
       seek(start + (end - start) * (event.offsetX - (box.clientWidth - width * scale) / 2) / (width * scale));
     };
     strip.addEventListener("pointerdown", (event) => { dragging = true; strip.setPointerCapture(event.pointerId); pointed(event); });

@@ -66,6 +66,7 @@ class Replay:
     goal_tolerance: float  # distance to the goal that counts as reached [m]
     note: str = ""  # small print below it
     ground: Standing | None = None  # what stands there for good
+    required: tuple[tuple[str, float | None], ...] = ()  # requirements, and when each is violated [s]
 
     def __post_init__(self) -> None:
         n, m = len(self.times), len(self.obstacle_radii)
@@ -145,7 +146,7 @@ def embedded(replay: Replay) -> str:
 
     Keys: t, x, y, h (time, position, heading) and ox, oy (one list an obstacle) hold steps; halts holds the
     samples where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m]; least is
-    the sample of least clearance and that clearance.
+    the sample of least clearance and that clearance; req, if anything is required: names, and when violated [s].
 
     >>> at = np.array([0.0, 0.5])
     >>> run = Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
@@ -181,6 +182,8 @@ def embedded(replay: Replay) -> str:
                    "gaps": steps(far, PARTS), "body": np.round(standing.corners, 3).tolist(),
                    "goals": np.round(standing.goals, 3).tolist(), "path": np.round(standing.path, 3).tolist(),
                    "scan": [*standing.scan]}  # fmt: skip
+    if replay.required:
+        record["req"] = [[name, at] for name, at in replay.required]
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
 
 

@@ -95,7 +95,7 @@ class CampaignResults:
     telling = ("min_clearance", "time_halted", "time_at_rest")
 
     def causes(self) -> Sequence[str]:
-        """Return the outcome of each case that did not pass, or what was required of it in vain."""
+        """Return the outcome of each case that did not pass, or which requirement it violated."""
         facts, asked = self.found.facts, self.found.requirements
         words = {int(one): text for one, text in OUTCOME_WORDS.items()}
         required = shared_reasons(facts, asked)
@@ -179,6 +179,11 @@ class CampaignResults:
         if requirements := self.found.requirements:
             (record,) = self.found.facts[self.found.facts["number"] == number]
             subtitle = f"{self._id(id)}: {explained(record, requirements)}"
+            times = [float(at) if value < 0.0 else None
+                     for value, at in zip(record["robustness"], record["violated_at"], strict=True)] \
+                if requirements.formulas else []  # fmt: skip
+            names = [one.name for one in requirements.formulas]
+            drawn = replace(drawn, required=tuple(zip(names, times, strict=True)))
         drawn = replace(drawn, title=title, subtitle=subtitle)
         section = Section(
             "Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),)

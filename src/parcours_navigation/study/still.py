@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, partial
 from importlib import resources
 
 import numpy as np
@@ -19,6 +19,7 @@ from markupsafe import escape
 from parcours.report.pieces import Animation, Floats
 from parcours_navigation.ground.ground import lay_ground
 from parcours_navigation.sensing.scan import scan
+from parcours_navigation.study.exporting import write_gif, write_mcap
 from parcours_navigation.study.replay import Replay, embedded
 
 PIXELS = 420
@@ -41,7 +42,9 @@ _INK = {
 
 def animation(replay: Replay) -> Animation:
     """Return the replay as a piece of a report's page."""
-    return Animation(replay.title, replay.subtitle, still(replay), embedded(replay), _script(), replay.note)
+    exports = {".gif": partial(write_gif, replay), ".mcap": partial(write_mcap, replay)}
+    data = embedded(replay)
+    return Animation(replay.title, replay.subtitle, still(replay), data, _script(), replay.note, exports=exports)
 
 
 @cache

@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from markupsafe import escape
 
 from parcours.elementary import sin_cos
+from parcours.errors import ParcoursError
+from parcours.model.finding import Finding, finding_of
 from parcours_navigation.worlds.family import WorldCases
-from parcours_navigation.worlds.file import BadWorld, World
+from parcours_navigation.worlds.file import BadWorld, World, parse_world
 from parcours_navigation.worlds.paper import paper_cases
 
 PIXELS = 640
 """Length of the longer side [px]."""
 
 _INK, _ROBOT, _GOAL, _OTHER = "#1c2430", "#0072b2", "#00805c", "#d55e00"
+
+
+def looked_over(text: str, path: Path) -> tuple[Sequence[Finding], Sequence[tuple[str, str]]]:
+    """Return what is wrong with the text of a world file as it is edited, or a picture of its first case."""
+    try:
+        world = parse_world(text, str(path), path.parent)
+        is_drawn = paper_cases(world, 1, "navigation") is None
+        return (), [(f"world {world.name}, case 0", drawing(world, 1, 0))] if is_drawn else ()
+    except ParcoursError as error:
+        return getattr(error, "findings", ()) or (finding_of(error, str(path)),), ()
 
 
 def drawing(world: World, seed: int, number: int) -> str:

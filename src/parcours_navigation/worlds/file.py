@@ -36,6 +36,8 @@ _DATA = ("constants", "parameters", "constraints", "groups")
 class BadWorld(ParcoursError):
     """A world file, or a world that cannot be; `where` names file and line, or the case."""
 
+    findings: tuple[Finding, ...] = ()  # where it says more than one
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
@@ -220,7 +222,9 @@ def refusal(found: list[Finding], tail: str = "") -> BadWorld:
     error = complaint(tuple(sorted(set(found))))
     rule = error.rule.replace("a model must", "a world must", 1)
     slug = error.slug.replace("model-errors", "world-errors")
-    return BadWorld(error.where, rule + tail, error.remedy, slug=slug)
+    refused = BadWorld(error.where, rule + tail, error.remedy, slug=slug)
+    refused.findings = tuple(sorted(set(found))) if len(found) > 1 else ()
+    return refused
 
 
 __all__ = ["BadWorld", "World", "find_world", "parse_world", "read_world", "shipped"]

@@ -38,7 +38,7 @@ class GtestChannel:
 
 @dataclass(frozen=True, slots=True)
 class GtestStimulus:
-    """A message in its ROS 1 bytes that the tester makes up for the event at `position`.
+    """A message in its ROS 1 bytes that the tester generates for the event at `position`.
 
     It is received from the environment (supply), moves an idle component (given), or is taken up before (settle).
     """

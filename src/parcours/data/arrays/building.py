@@ -26,8 +26,8 @@ EFFORT = 150_000_000
 """Most tuples that are looked up without a time budget: a few seconds."""
 
 PATIENCE = 30_000_000
-"""After how many tuples looked up in vain a size counts as the last, without a time budget; ten times what came before,
-if that is more."""
+"""After how many tuples looked up without success a size counts as the last, without a time budget; ten times what
+came before, if that is more."""
 
 LEAST_GROWTH = 1.0
 """How long growing may take whatever the budget [s]: an array that lacks combinations is worth little."""

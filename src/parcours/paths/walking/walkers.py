@@ -23,7 +23,7 @@ LOOK_AHEAD = 10_000
 """Most places that a guided walk looks at before it goes on at random."""
 
 _PER_STEP = 16
-"""Places looked at in vain for each random step after that: looking stays within a fixed multiple of walking."""
+"""Failed looks for each random step after that: looking stays within a fixed multiple of walking."""
 
 
 class Ending(StrEnum):

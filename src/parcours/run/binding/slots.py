@@ -1,7 +1,7 @@
 """Plans which processes are run as what, and at which names the tester meets each of them.
 
 `whole` runs every node once, as its user would, by the routes of the binding. `apart` runs one process for each
-reference of an abstract case, each behind names of its own: any message can be kept from it or made up for it.
+reference of an abstract case, each behind names of its own: any message can be withheld from it or generated for it.
 """
 
 from __future__ import annotations

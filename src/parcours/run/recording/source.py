@@ -18,7 +18,7 @@ class CutOff(Exception):
 
 
 class Source:
-    """Gives out the bytes of a file in their order.
+    """Yields the bytes of a file in order.
 
     Args:
         file: at its start, seekable.
