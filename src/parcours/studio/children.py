@@ -9,7 +9,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -50,7 +50,7 @@ async def answer_of(folder: Folder, arguments: list[str], module: str = "parcour
     raise BadRequest(f"parcours {arguments[0]}", f"refused: {rule}", slug="studio-refused")
 
 
-async def lines_of(folder: Folder, module: str, arguments: list[str]) -> AsyncIterator[str]:
+async def lines_of(folder: Folder, module: str, arguments: list[str]) -> AsyncGenerator[str, None]:
     """Yield the lines that a module prints while it runs; it is ended when no more are wanted.
 
     Raises BadRequest: it refuses; the message is its own.
