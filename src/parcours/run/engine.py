@@ -114,10 +114,7 @@ class _Launch:
         if future.status == "finished":
             self._pace.learn(future.result())
             return shards
-        if future.status in (
-            "lost",
-            "pending",
-        ):  # its worker died before it was asked: the scheduler sends it to another
+        if future.status in ("lost", "pending"):  # its worker died before it was asked: another one gets it
             self._under_way[future] = shards
             self._answers.add(future)
             return ()

@@ -43,11 +43,9 @@ MOST_LEVELS = 40
 _LEAST = 25  # cases of a repeat
 _PILOT, _PILOT_BUDGET = 0.02, 0.25  # cases of the pilot, and what it may take in all, as shares of the budget
 _NUMBERS = 2.0**40  # numbers of cases lie below this
-_GROUPS, _SCALES, _REDRAWN = (
-    4,
-    5,
-    0.3,
-)  # groups of inputs; steps of 1/2 .. 1/32 of a domain; moves that change the number
+_GROUPS = 4  # of inputs, moved one after the other
+_SCALES = 5  # steps of 1/2 .. 1/32 of a domain
+_REDRAWN = 0.3  # share of moves that change the number
 _MOST_REJECTED = 4096
 FAILS = -1e-300  # no subnormal number: some libraries make processors take those for 0
 """The last level: what is at most that far from failing fails."""
