@@ -19,7 +19,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=50)
     parser.add_argument("--budget", type=int, default=3000)
-    parser.add_argument("--mutants", type=int, default=3, help="the first so many rungs of the ladder")
+    parser.add_argument("--mutants", type=int, default=3, help="how many rungs of the ladder, from the first")
     given = parser.parse_args()
     print(f"{given.seeds} seeds, at most {given.budget} simulations each\n")
     print(

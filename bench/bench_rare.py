@@ -43,7 +43,7 @@ CUBE = InputModel("cube", tuple(split(name, "1", [0.0, 0.5, 1.0]) for name in "x
 
 @dataclasses.dataclass(frozen=True)
 class Corner:
-    """Fails as likely as it is said: where three inputs, and a number drawn beside them, are all large."""
+    """Fails with a known probability: where three inputs, and a number drawn beside them, are all large."""
 
     probability: float
     inputs: InputModel = CUBE

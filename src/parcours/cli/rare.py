@@ -33,7 +33,7 @@ def command(
 
     Example: parcours rare my_study --budget 300000
 
-    Example: parcours rare navigation --set planner=ramp-guarded --max-probability 1e-4
+    Example: parcours rare navigation --set planner=mine:drive --max-probability 1e-4
     """
     from dataclasses import asdict
 

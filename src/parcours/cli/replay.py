@@ -25,7 +25,7 @@ def command(
 
     Example: parcours replay out/mine 17 --html out/case-17.html --export out/case-17.gif
 
-    Example: parcours replay out/dwa 17 --beside out/mppi --html out/case-17.html
+    Example: parcours replay out/monday 17 --beside out/tuesday --html out/case-17.html
 
     Example: parcours replay out/lift lift/ITP1-tp21.tp11.tp21-0.0.0/0
     """

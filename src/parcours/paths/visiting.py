@@ -184,7 +184,7 @@ def _euler_tour(sources: Sequence[int], targets: Sequence[int], taken: Sequence[
         else:
             arc = trail.pop()
             tour.append(arc)
-            node = sources[arc]  # of the first, which is none, it does not matter
+            node = sources[arc]  # of the first, which is no arc, it does not matter
     tour.reverse()
     return tour[1:]
 

@@ -1,7 +1,7 @@
 """Computes portions of a campaign in a process of a Dask cluster, into the folder that all its machines share.
 
 portion: shards 8 9 10 11       9 is there already: skipped
-           write write write    each as soon as it is computed, so whoever is killed loses one shard at most
+           write write write    each as soon as it is computed: a kill loses one shard at most
 """
 
 from __future__ import annotations

@@ -182,7 +182,7 @@ def _imported() -> Any:
     except ImportError as error:
         rule = "it needs the package distributed, which is not installed"
         raise BadRequest("--engine dask", rule, "pip install 'parcours[dask]'", slug="no-engine-extra") from error
-    for name in list(logging.root.manager.loggerDict):  # what matters is said in our words
+    for name in list(logging.root.manager.loggerDict):  # our own messages tell what matters
         if name.partition(".")[0] == "distributed":
             logging.getLogger(name).setLevel(logging.CRITICAL)
     return distributed

@@ -112,7 +112,7 @@ def closing(
     total = known.n_wanted + len(every) * (sum(inputs.sizes) if len(every) > 1 else 0)
     first = np.cumsum([0, *(sizes[a] * sizes[b] for a, b in pairs)])
     held, chosen, most = np.zeros(first[-1], bool), list[int](), request.n_cases or MOST_CASES
-    held[: first[len(sizes) - 1]] = len(every) < 2  # one class for all is none
+    held[: first[len(sizes) - 1]] = len(every) < 2  # one class for all distinguishes nothing
     before = int(held.sum())
     for start in range(0, most, _WINDOW):
         numbers = np.arange(start, min(start + _WINDOW, most))

@@ -88,6 +88,7 @@ class Cube:
     def points(self, values: Floats, within: Floats) -> Floats:
         """Return points with these values, shape (n, n_inputs); `within` says where between two whole numbers.
 
+        >>> from parcours.data import split
         >>> counts = Cube(InputModel("counts", (split("n", "1", [0.0, 1.0, 5.0]),)))
         >>> counts.values(counts.points(np.array([[0.5], [4.0]]), np.zeros((2, 1)))).ravel().tolist()
         [0.5, 4.0]

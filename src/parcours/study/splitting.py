@@ -11,7 +11,7 @@ campaign draws as it is (Del Moral, Feynman-Kac Formulae, 2004; the chains: Au, 
 
 A case is a point of the unit cube, from which its blocks and values follow, and a number, on which all else depends
 that is drawn. Values are moved in groups, each only if the campaign could have drawn the result. Blocks are equally
-likely in a campaign, but constraints leave them unlike room: so what the campaign would have drawn in vain before
+likely in a campaign, but constraints leave them unlike room: so what the campaign would have rejected before
 these values is drawn along, and must be refused in the new blocks, too. Then a move is as likely as its reverse.
 """
 
@@ -265,7 +265,7 @@ class _Flight:
         return points
 
     def _rejected(self, points: Floats, numbers: Integers) -> tuple[Integers, Floats]:
-        """Return what a campaign may have drawn in vain before these points: whose it is, and places within blocks."""
+        """Return what a campaign may have rejected before these points: whose it is, and places within blocks."""
         owners, places = [np.zeros(0, np.int64)], [np.zeros((0, self._cube.n))]
         blocks, left, n = self._cube.blocks(points), np.arange(len(points)), 1
         while len(left) and n <= _MOST_REJECTED:

@@ -2,7 +2,7 @@
 
     rule     = rate ("±" | "+-") number ["%"] [confidence]    the rate is known to so much on either side
              | rate ("<" | "<=" | ">" | ">=") number ["%"] [confidence]    whether that holds is known
-             | "pairwise" "=" number "%"                             so many pairs of blocks were met; alone
+             | "pairwise" "=" number "%"                             this share of the pairs of blocks was met; alone
     confidence = "with" number "% confidence"
 
 They are asked at the borders of shards, in the order of shards, of intervals that hold at all times at once

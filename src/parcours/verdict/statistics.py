@@ -268,7 +268,7 @@ def mean_of_log_normal(values: ArrayLike, confidence: float = 0.95) -> tuple[flo
 
     >>> low, high = mean_of_log_normal([1e-4, 2e-4, 1.5e-4, 0.8e-4])
     >>> f"{low:.2g} {high:.2g}"
-    '6.3e-05 0.00028'
+    '6.8e-05 0.00027'
     >>> mean_of_log_normal([1e-4])  # nothing is known of how they spread
     (0.0, inf)
     """

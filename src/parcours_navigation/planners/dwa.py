@@ -21,7 +21,7 @@ from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task
 
 _STRAIGHT = 1e-9
-_KEEN = 16  # so many candidates are searched for; more would cost more than they save
+_KEEN = 16  # candidates that are searched for; more would cost more than they save
 
 
 @kernel
