@@ -2,8 +2,8 @@
 
 python bench/bench_cluster.py [--kills 100] [--cases 10000] [--workers 2] [--seed 1]
 
-Campaigns of RAMP cases follow one another until the number of kills is reached; each must end with the bytes of a run without
-a cluster. Who is killed, and when, is drawn by seed; what is killed is started again.
+Campaigns of RAMP cases follow one another until that number of kills is reached; each must end with the bytes of a run
+without a cluster. Who is killed, and when, is drawn by seed; what is killed is started again.
 """
 
 from __future__ import annotations
