@@ -10,20 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from input_axes import AXES
 from parcours.data import InputModel, parse_input_model
 from parcours.errors import BadRequest
 from parcours.study.falsifying import Cube, Falsified, Method, falsify
 
 Floats = NDArray[np.float64]
-AXES = """
-parcours: data/1
-name: axes
-parameters:
-  a: {unit: m, edges: [0, 1, 4]}
-  b: {unit: m, edges: [0, 2]}
-  c: {unit: rad, kind: angle, edges: [-1.0, 1.0]}
-  n: {unit: "1", kind: integer, edges: [0, 5]}
-"""
 
 
 @dataclass

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from input_axes import AXES
 from parcours.data import InputModel, parse_input_model
 from parcours.data.constraints import allows
 from parcours.data.drawing import draw
@@ -22,15 +23,6 @@ from parcours.verdict.statistics import mean_of_log_normal
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-AXES = """
-parcours: data/1
-name: axes
-parameters:
-  a: {unit: m, edges: [0, 1, 4]}
-  b: {unit: m, edges: [0, 2]}
-  c: {unit: rad, kind: angle, edges: [-1.0, 1.0]}
-  n: {unit: "1", kind: integer, edges: [0, 5]}
-"""
 CORNER = "constraints: {corner: {row: a + b < 3}}\n"
 
 
