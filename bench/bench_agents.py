@@ -20,7 +20,7 @@ from parcours.kernels import Record, kernel
 from parcours_navigation.others.agents import begin_agents, step_agents
 from parcours_navigation.others.drawing import drawn
 from parcours_navigation.others.entries import Others
-from parcours_navigation.others.kinds import ConstantVelocity, Motion, Orca, RandomWalk, SocialForce
+from parcours_navigation.others.kinds import ConstantVelocity, Motion, OrcaPeople, RandomWalk, SocialForcePeople
 
 NUMBERS = (1, 2, 5, 10, 20, 50, 100, 200)
 TICKS, TRIES = 1000, 3
@@ -59,10 +59,10 @@ def microseconds_a_tick(motion: Motion, n: int, side: float) -> float:
 def main() -> None:
     """Print a line for each kind and way to grow."""
     motions: dict[str, Motion] = {
-        "social force": SocialForce(), "ORCA": Orca(), "random walk": RandomWalk(),
+        "social force": SocialForcePeople(), "ORCA": OrcaPeople(), "random walk": RandomWalk(),
         "constant velocity": ConstantVelocity(),
     }  # fmt: skip
-    microseconds_a_tick(SocialForce(), 1, 6.0)  # compiles
+    microseconds_a_tick(SocialForcePeople(), 1, 6.0)  # compiles
     print(f"{'us a tick':34}" + "".join(f"{n:>8}" for n in NUMBERS) + "   from 10   from 50")
     for name, motion in motions.items():
         for growth in ("density kept", "area kept"):
@@ -98,10 +98,10 @@ def touching(cases: int) -> None:
     """Print how often people touch, and how deep: pairs, and 25 in a room; 20 s each, margin 0 for ORCA pairs."""
     area = (0.5, 0.5, 8.5, 8.5)
     crowds = {
-        "ORCA, pairs": (Others(Orca(margin=0.0), number=2, area=area, speed_spread=0.2), np.empty((0, 4))),
-        "ORCA, 25 in 9 m x 9 m": (Others(Orca(), number=25, area=area, radius=0.25), room(9.0, 0)),
-        "social force, pairs": (Others(SocialForce(), number=2, area=area, radius=0.25), np.empty((0, 4))),
-        "social force, 25 in 9 m x 9 m": (Others(SocialForce(), number=25, area=area, radius=0.25), room(9.0, 0)),
+        "ORCA, pairs": (Others(OrcaPeople(margin=0.0), number=2, area=area, speed_spread=0.2), np.empty((0, 4))),
+        "ORCA, 25 in 9 m x 9 m": (Others(OrcaPeople(), number=25, area=area, radius=0.25), room(9.0, 0)),
+        "social force, pairs": (Others(SocialForcePeople(), number=2, area=area, radius=0.25), np.empty((0, 4))),
+        "social force, 25 in 9 m x 9 m": (Others(SocialForcePeople(), number=25, area=area, radius=0.25), room(9.0, 0)),
     }
     for name, (others, walls) in crowds.items():
         gaps = []

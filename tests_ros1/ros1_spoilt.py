@@ -15,7 +15,7 @@ from parcours_ramp.planner.messages import (
     EvaluationResponse,
     ModificationRequest,
     ModificationResponse,
-    Report,
+    StateReport,
     TrajectoryResponse,
     many,
     one,
@@ -51,7 +51,7 @@ def _lie(payload: object, message: object) -> object:
             same = many(PATH, 1)
             same[0] = message.modification.first
             return payload._replace(paths=same)
-        case Report():
+        case StateReport():
             return payload._replace(pose=one(POSE))
     return payload
 

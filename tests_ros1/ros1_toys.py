@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from parcours.model.structure import Cefsm, Channel
-from parcours.run.hosts.battery import Counting, Sink, Source, Taken
+from parcours.run.hosts.battery import Counting, Sink, Source, ToyStep
 from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.node_program import Plain, nodes_of
 from parcours.run.hosts.ros1.packing import Ros1Codec, Ros1NodeProgram
@@ -75,7 +75,7 @@ class Client:
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Pass it on."""
-        yield Taken("p", (("seen", message),))
+        yield ToyStep("p", (("seen", message),))
 
     def next_wake(self) -> int | None:
         """The next question."""
@@ -84,7 +84,7 @@ class Client:
     def wake(self, now: int) -> Iterator[Step]:
         """Ask."""
         self._asked += 1
-        yield Taken("a", (("ask", "x" * self._letters * self._asked),))
+        yield ToyStep("a", (("ask", "x" * self._letters * self._asked),))
 
     def reset(self) -> None:
         """Begin again."""

@@ -10,16 +10,16 @@ import pytest
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.graph_line import Reply
-from parcours.run.hosts.ros1.client import Client
+from parcours.run.hosts.ros1.client import Ros1Node
 from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.graph import ask
 
 TEXT = Kind("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")
 ASK = Kind("toys/Ask", "0" * 32)
-Join = Callable[[str], Client]
+Join = Callable[[str], Ros1Node]
 
 
-def _spin(*nodes: Client, until: Callable[[], object], within: float = 10.0) -> None:
+def _spin(*nodes: Ros1Node, until: Callable[[], object], within: float = 10.0) -> None:
     """Let nodes hear until something holds."""
     deadline = time.monotonic() + within
     while not until():
@@ -32,8 +32,8 @@ def _spin(*nodes: Client, until: Callable[[], object], within: float = 10.0) -> 
 def node(master: str) -> Iterator[Join]:
     with ExitStack() as all_:
 
-        def made(name: str) -> Client:
-            one = Client(name, master)
+        def made(name: str) -> Ros1Node:
+            one = Ros1Node(name, master)
             all_.callback(one.close)
             return one
 
@@ -58,7 +58,7 @@ def test_messages_arrive_in_order(node: Join) -> None:
 
 def test_only_the_publisher_that_is_named_is_heard(node: Join, master: str) -> None:
     refused: list[str] = []
-    listener = Client("/listener", master, refused.append)
+    listener = Ros1Node("/listener", master, refused.append)
     heard: list[bytes] = []
     said = {name: node(name).publish("/loud", TEXT, peer="/listener") for name in ("/speaker", "/other")}
     for publisher in said.values():

@@ -8,7 +8,7 @@ import pytest
 from tests_ros1 import ros1_toys as toys
 
 from parcours.run.faults.plan import ChannelFault, FaultPlan
-from parcours.run.hosts.battery import DUTIES, Host
+from parcours.run.hosts.battery import DUTIES, HostUnderTest
 from parcours.run.hosts.realtime import RealTimeHost
 from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.hosts.slots import Answer
@@ -21,7 +21,7 @@ _LIMIT = 20_000_000_000
 
 @pytest.mark.parametrize("duty", DUTIES.values(), ids=DUTIES)
 def test_it_does_what_every_host_owes(duty: Callable[..., None], start: Start) -> None:
-    def toy_host(components: Sequence[Component], some: Sequence[Link], tester: Answer) -> Host:
+    def toy_host(components: Sequence[Component], some: Sequence[Link], tester: Answer) -> HostUnderTest:
         transport = start(some, [part.name for part in components])
         return RealTimeHost(transport, some, toys.CODEC, environment=tester)
 

@@ -14,7 +14,7 @@ from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.running import ForeignStudy
 from parcours_navigation.foreign.tester_messages import Maker
@@ -38,7 +38,7 @@ def edit(file: Path, old: str, new: str) -> None:
 
 def run(binding: Path, out: Path, **wanted: Any) -> list[Result]:
     with ForeignHost(read_binding(binding), out / "nodes") as host:
-        return list(ForeignStudy(host, Order(str(binding), str(out), **wanted)).run())
+        return list(ForeignStudy(host, ProcessOrder(str(binding), str(out), **wanted)).run())
 
 
 def test_calls_wait_for_their_server_latched_messages_for_their_listener_and_parameters_reach_their_node(

@@ -19,7 +19,7 @@ from tests_ros1.conftest import patient
 from parcours.run.binding import read_binding
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
-from parcours.run.hosts.ros1.client import Client
+from parcours.run.hosts.ros1.client import Ros1Node
 from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.graph import Slave, ask
 from parcours.run.hosts.ros1.master import Master
@@ -29,7 +29,7 @@ from parcours.run.trace import held
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive, _Turn
 from parcours_navigation.foreign.cases import abstract_scenes
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.recorded import rejudge
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.running import ForeignStudy, SystemDrive
@@ -63,7 +63,7 @@ def _edit(file: Path, *changes: tuple[str, str]) -> None:
 
 def _run(binding: Path, out: Path, **wanted: Any) -> list[Result]:
     with ForeignHost(read_binding(binding), out / "nodes") as host:
-        return list(ForeignStudy(host, Order(str(binding), str(out), **wanted)).run())
+        return list(ForeignStudy(host, ProcessOrder(str(binding), str(out), **wanted)).run())
 
 
 def _one(binding: Path, out: Path, case: str, record: str = "") -> Result:
@@ -233,7 +233,7 @@ def test_a_publisher_that_hangs_up_at_first_is_heard_all_the_same() -> None:
         door.settimeout(30.0)
         where = ["TCPROS", *door.getsockname()]
         speaker = Slave(master.uri, {"requestTopic": lambda topic, protocols: where})
-        middle = Client("/parcours", master.uri, refused.append)
+        middle = Ros1Node("/parcours", master.uri, refused.append)
         try:
             ask(master.uri, "registerPublisher", "/speaker", "/said", kind.type, speaker.uri)
             middle.subscribe("/said", kind, heard.append)

@@ -19,7 +19,7 @@ from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.ros1.master import Master
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.running import ForeignStudy
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"
@@ -100,7 +100,7 @@ def test_a_message_of_the_wrong_size_is_an_error_with_the_line_of_its_channel(bi
     _spoil(binding.parent / "follower.py", ("class Follower:", short))
     patient(binding)
     with ForeignHost(read_binding(binding), tmp_path) as host:
-        order = Order(str(binding), str(tmp_path), system=(0,), protocol="empty")
+        order = ProcessOrder(str(binding), str(tmp_path), system=(0,), protocol="empty")
         result = next(ForeignStudy(host, order).run())
     assert result.judged.judgement.verdict is Verdict.ERROR
     assert re.search(r"binding.yaml:\d+: channel 'command': .*these 3 bytes are not one", result.judged.judgement.why)

@@ -15,7 +15,7 @@ from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.checking import is_own
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.running import ForeignStudy
 
@@ -76,7 +76,7 @@ def launched(tmp_path: Path) -> Path:
 
 def run(binding: Path, out: Path, **wanted: Any) -> list[Result]:
     with ForeignHost(read_binding(binding), out / "nodes") as host:
-        return list(ForeignStudy(host, Order(str(binding), str(out), **wanted)).run())
+        return list(ForeignStudy(host, ProcessOrder(str(binding), str(out), **wanted)).run())
 
 
 def test_nodes_of_a_launch_file_are_kept_in_order_and_drive(launched: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from tests_ros1 import ros1_toys as toys
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.frames import Died, Rest, Run
+from parcours.run.hosts.frames import Died, Rest, RunFreely
 from parcours.run.hosts.realtime import RealTimeHost
 from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.master import Master
@@ -55,7 +55,7 @@ def test_a_node_that_is_killed_in_a_run_is_buried_with_its_signal(start: Start) 
 def test_a_frozen_node_does_not_hold_up_the_tester_and_finds_everything_when_it_goes_on(start: Start) -> None:
     transport = start(DESK, ["Counting"])
     seen: list[object] = []
-    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    transport.command("Counting", RunFreely(b"", time.perf_counter_ns()))
     transport.poll(time.perf_counter_ns() + 50_000_000)
     transport.signal("Counting", signal.SIGSTOP)
     began = time.perf_counter()

@@ -15,7 +15,7 @@ from tests_ros1.ros1_toys import Field
 from parcours.errors import BadRequest
 from parcours.run.hosts.ros1 import interpreter_with
 from parcours.run.hosts.ros1.interfaces import package_routes, read_index, write_package
-from parcours.run.hosts.ros1.packing import Packing
+from parcours.run.hosts.ros1.packing import MessagePacking
 from parcours_ramp.components.ros1 import CODEC
 from parcours_ramp.planner.wire import FORMS
 
@@ -63,7 +63,7 @@ def test_headers_say_what_ros_s_own_classes_say(messages: Mapping[str, Endpoint]
 def test_the_bytes_are_those_of_the_message_classes_and_the_values_come_back(messages: Mapping[str, Endpoint]) -> None:
     rng = np.random.default_rng(5)
     for channel in [*messages] * 20:
-        packing, values = Packing(channel, FORMS[channel]), _values(channel, rng)
+        packing, values = MessagePacking(channel, FORMS[channel]), _values(channel, rng)
         data = packing.pack(values)
         assert data == written(messages[channel].message, values)
         back = packing.unpack(data)
@@ -73,7 +73,7 @@ def test_the_bytes_are_those_of_the_message_classes_and_the_values_come_back(mes
 
 
 def test_bytes_that_are_too_few_or_too_many_and_other_values_are_refused_with_the_channel() -> None:
-    packing = Packing("news", [Field("a", "float"), Field("b", "floats"), Field("c", "bool")])
+    packing = MessagePacking("news", [Field("a", "float"), Field("b", "floats"), Field("c", "bool")])
     data = packing.pack((1.0, [2.0, 3.0], True))
     assert packing.unpack(data)[::2] == (1.0, True)
     for wrong in [data[:cut] for cut in range(len(data))] + [data + b"\0", b"\xff" * len(data)]:
@@ -87,8 +87,8 @@ def test_bytes_that_are_too_few_or_too_many_and_other_values_are_refused_with_th
 
 
 def test_a_message_without_fields_is_no_bytes() -> None:
-    assert Packing("tick", []).pack(()) == b""
-    assert Packing("tick", []).unpack(b"") == ()
+    assert MessagePacking("tick", []).pack(()) == b""
+    assert MessagePacking("tick", []).unpack(b"") == ()
 
 
 _HEADERS = """
@@ -128,7 +128,7 @@ def test_cpp_made_of_the_package_reads_and_writes_the_same_bytes(package: Path, 
     compiler = ["g++", "-std=c++17", "-O0", "-I", "include", "echo.cpp", "-o", "echo"]
     subprocess.run([*compiler, "-lroscpp_serialization", "-lrostime"], cwd=tmp_path, check=True)
     values = _values("best_trajectory", np.random.default_rng(11))
-    data = Packing("best_trajectory", FORMS["best_trajectory"]).pack(values)
+    data = MessagePacking("best_trajectory", FORMS["best_trajectory"]).pack(values)
     done = subprocess.run([tmp_path / "echo"], input=data, capture_output=True, check=True)
     assert done.stdout == data
     [kind] = [route.kind for route in package_routes(package) if route.interface.channel == "best_trajectory"]

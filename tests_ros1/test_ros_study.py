@@ -15,7 +15,7 @@ from parcours.study.copying import from_template, templates, write_new
 from parcours.study.finding import find
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Study
-from parcours_navigation.foreign.isolation import Order, run_apart
+from parcours_navigation.foreign.isolation import ProcessOrder, run_apart
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"
 
@@ -106,9 +106,9 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(
     large: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study, out = find(str(large)), tmp_path / "out"
-    orders: list[Order] = []
+    orders: list[ProcessOrder] = []
 
-    def noted(order: Order) -> Iterator[dict[str, object]]:
+    def noted(order: ProcessOrder) -> Iterator[dict[str, object]]:
         orders.append(order)
         return run_apart(order)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from parcours.model.structure import Cefsm, Channel
-from parcours.run.hosts.battery import Taken
+from parcours.run.hosts.battery import ToyStep
 from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.node_program import Plain
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Step
@@ -37,7 +37,7 @@ class Asker:
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Pass on."""
         if channel is not None:
-            yield Taken("a1", (("question" if channel == "go" else "told", message),))
+            yield ToyStep("a1", (("question" if channel == "go" else "told", message),))
 
     def next_wake(self) -> int | None:
         """Never."""
@@ -60,7 +60,7 @@ class Oracle(Asker):
         """Answer."""
         answers = message if isinstance(message, list) else [] if isinstance(message, str) else [message]
         if channel is not None:
-            yield Taken("o1", tuple(("answer", one) for one in answers))
+            yield ToyStep("o1", tuple(("answer", one) for one in answers))
 
 
 def node_program(component: str) -> Plain:

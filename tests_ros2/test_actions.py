@@ -16,7 +16,7 @@ from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.cases import abstract_scenes
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.recorded import rejudge
 from parcours_navigation.foreign.running import ForeignStudy
 from parcours_navigation.foreign.tester_messages import Maker
@@ -91,7 +91,7 @@ def test_cases_of_the_model_pass_whoever_is_played_by_the_tester(tmp_path: Path,
     binding = without(absent) if absent else read_binding(ERRAND)
     ids = [scene.id for scene in abstract_scenes(binding, 1) if scene.id.endswith("/0")]
     with ForeignHost(binding, tmp_path / "nodes") as host:
-        order = Order(str(ERRAND), str(tmp_path), abstract=tuple(ids[:2]), record="mcap")
+        order = ProcessOrder(str(ERRAND), str(tmp_path), abstract=tuple(ids[:2]), record="mcap")
         results = list(ForeignStudy(host, order).run())
     for result in results:
         assert result.judged.judgement.passed, (result.id, result.judged.judgement.why)

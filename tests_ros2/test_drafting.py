@@ -14,7 +14,7 @@ from tests_ros2.conftest import soon
 
 from parcours.run.binding import read_binding
 from parcours.run.hosts.ros2.building import built
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 
 ROOT = Path(__file__).parents[1]
 INTERFACES = ROOT / "examples" / "ros2_navigation" / "interfaces"
@@ -36,7 +36,7 @@ def environment() -> Iterator[Mapping[str, str]]:
             node = subprocess.Popen([sys.executable, str(file)], env={**env, "PYTHONPATH": path})
             closing.callback(node.wait)
             closing.callback(node.kill)
-        looking = Participant("looking", int(DOMAIN))
+        looking = Ros2Participant("looking", int(DOMAIN))
         closing.callback(looking.close)
         assert soon(lambda: set(looking.node.get_node_names()) >= set(PROGRAMS), 60.0)
         yield env

@@ -23,7 +23,7 @@ from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.ros2.transport import claim
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.recorded import rejudge
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.running import ForeignStudy, SystemDrive
@@ -57,7 +57,7 @@ def edit(file: Path, *changes: tuple[str, str]) -> None:
 def run(nodes: Path, out: Path, **wanted: Any) -> list[Result]:
     binding = nodes / "binding.yaml"
     with ForeignHost(read_binding(binding), out / "nodes") as host:
-        return list(ForeignStudy(host, Order(str(binding), str(out), **wanted)).run())
+        return list(ForeignStudy(host, ProcessOrder(str(binding), str(out), **wanted)).run())
 
 
 @pytest.mark.parametrize("case", [TOGETHER, SIDE_BY_SIDE, IN_ORDER, "sense_to_motion-tp11.tp32-0.0"])
@@ -135,7 +135,7 @@ def test_parameters_steps_timing_and_faults(nodes: Path, tmp_path: Path) -> None
          ("warm_up: 20", "warm_up: 2"))  # fmt: skip
     binding.write_text(binding.read_text() + STEPS)
     with ForeignHost(read_binding(binding), tmp_path / "nodes") as host:
-        order = Order(str(binding), str(tmp_path), system=(0,), protocol="empty", repeats=10,
+        order = ProcessOrder(str(binding), str(tmp_path), system=(0,), protocol="empty", repeats=10,
                       faults="Planner: crash at 1 s")  # fmt: skip
         ran = list(ForeignStudy(host, order).run())
     results = {one.id: one.judged.judgement for one in ran}

@@ -16,12 +16,23 @@ from tests_ros2.conftest import lives, soon
 
 from parcours.errors import HostFailure
 from parcours.model.structure import Cefsm, Channel
-from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
-from parcours.run.hosts.frames import Deliver, Died, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.battery import DUTIES, Counting, HostUnderTest, Sink, Source
+from parcours.run.hosts.frames import (
+    Deliver,
+    Died,
+    Idle,
+    Ready,
+    Received,
+    Report,
+    Rest,
+    RunFreely,
+    TransitionTaken,
+    Wire,
+)
 from parcours.run.hosts.interfaces import Interface, interfaces
 from parcours.run.hosts.node_program import Plain, nodes_of
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.hosts.slots import Answer
@@ -36,7 +47,7 @@ def toys(component: str) -> Plain:
     return Plain(component, {"Source": partial(Source, period=1_000_000), "Sink": Sink, "Counting": Counting})
 
 
-def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> Host:
+def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> HostUnderTest:
     names = [part.name for part in components]
     return RealTimeHost(
         Ros2Transport(nodes_of(links, names, TOYS), interfaces(NO_MODEL, links)), links, toys(""), environment=tester
@@ -66,7 +77,7 @@ def test_it_does_what_every_host_owes(duty: Callable[..., None]) -> None:
 
 def test_a_killed_node_is_noticed_after_its_last_words() -> None:
     transport = desk()
-    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    transport.command("Counting", RunFreely(b"", time.perf_counter_ns()))
     heard(transport, Idle)
     transport.deliver("ask", 0, toys("").encode("ask", "a"))
     transport.poll(time.perf_counter_ns() + 100_000)
@@ -80,7 +91,7 @@ def test_a_killed_node_is_noticed_after_its_last_words() -> None:
 def test_what_a_node_has_said_before_it_ended_is_heard() -> None:
     with real_time():
         transport = desk()
-        transport.command("Counting", Run(b"", time.perf_counter_ns()))
+        transport.command("Counting", RunFreely(b"", time.perf_counter_ns()))
         heard(transport, Idle)
         transport.deliver("ask", 7, toys("").encode("ask", "a"))
         transport.poll(time.perf_counter_ns())
@@ -89,12 +100,12 @@ def test_what_a_node_has_said_before_it_ended_is_heard() -> None:
         assert soon(lambda: not lives(transport.pids["Counting"]))
         said = heard(transport, Died)
         transport.close()
-    assert [type(one) for one in said] == [Received, Took, Idle, Died]
+    assert [type(one) for one in said] == [Received, TransitionTaken, Idle, Died]
 
 
 def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
     transport = desk()
-    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    transport.command("Counting", RunFreely(b"", time.perf_counter_ns()))
     heard(transport, Idle)
     transport.signal("Counting", signal.SIGSTOP)
     for number in range(500):
@@ -104,7 +115,9 @@ def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
     said = heard(transport, Idle(500))
     transport.close()
     assert [one.number for one in said if isinstance(one, Received)] == list(range(500))
-    assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, Took)] == [*range(1, 501)]
+    assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, TransitionTaken)] == [
+        *range(1, 501)
+    ]
 
 
 def test_no_process_no_thread_and_no_shared_memory_is_left() -> None:
@@ -162,7 +175,7 @@ def test_two_testers_do_not_share_a_graph() -> None:
     first = desk()
     with pytest.raises(HostFailure, match=r"ROS domain.*another tester.*ros2-occupied"):
         desk()
-    first.command("Counting", Run(b"", time.perf_counter_ns()))
+    first.command("Counting", RunFreely(b"", time.perf_counter_ns()))
     first.deliver("ask", 0, toys("").encode("ask", "a"))
     assert not any(isinstance(one, Died) for one in heard(first, Idle(1)))
     first.close()
@@ -193,7 +206,7 @@ def test_messages_travel_on_the_topics_that_the_model_names() -> None:
         Channel("answer", "Counting", ENVIRONMENT, "MotionState", "/update"),
     ))  # fmt: skip
     transport = desk(interfaces(model))
-    onlooker = Participant("onlooker", int(os.environ["ROS_DOMAIN_ID"]))  # as any other node sees the graph
+    onlooker = Ros2Participant("onlooker", int(os.environ["ROS_DOMAIN_ID"]))  # as any other node sees the graph
     wanted = {"/obstacles", "/parcours/out/update", "/parcours/Counting/command", "/parcours/Counting/report"}
     seen: dict[str, list[str]] = {}
 

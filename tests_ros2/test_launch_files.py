@@ -14,7 +14,7 @@ from parcours.run.binding import read_binding
 from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
-from parcours_navigation.foreign.isolation import Order
+from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.running import ForeignStudy
 
 LAUNCHER = """
@@ -54,7 +54,7 @@ def test_nodes_of_a_launcher_are_kept_in_order_drive_and_are_dead_when_it_is(
     binding.write_text(text)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
     monkeypatch.setenv("ROS_DOMAIN_ID", "48")
-    order = Order(
+    order = ProcessOrder(
         str(binding), str(tmp_path), abstract=("sense_to_motion-tp11.tp32-0.0/0",), system=(0,), protocol="empty"
     )
     with ForeignHost(read_binding(binding), tmp_path / "nodes") as host:

@@ -12,7 +12,7 @@ from tests_ros2.desks import CHANNELS, LINKS, node_program
 from parcours.run.faults.plan import ChannelFault, ComponentFault, FaultPlan
 from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 from parcours.run.hosts.ros2.transport import Ros2Transport
 
 SECOND = 1_000_000_000
@@ -103,7 +103,7 @@ def test_a_call_that_nobody_answers_is_ended_when_the_node_rests(desk: Desk) -> 
     host = desk(Told())
     host.inject("go", 0)
     host.run(20 * SECOND)
-    caller = Participant("stranger")
+    caller = Ros2Participant("stranger")
     ended: list[bytes | None] = []
     oracle = caller.call("/oracle")
     assert soon(lambda: oracle.is_matched)

@@ -15,7 +15,7 @@ import pytest
 from tests_ros2.conftest import soon
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 from parcours.run.hosts.ros2.stepping import SteppedClock
 from parcours.run.hosts.scheduling import real_time
 
@@ -27,7 +27,7 @@ GOAL = (3.0, 0.0)
 class Robot:
     """A robot that does what /cmd_vel says, and tells where it is on /odom."""
 
-    def __init__(self, participant: Participant) -> None:
+    def __init__(self, participant: Ros2Participant) -> None:
         from geometry_msgs.msg import PoseArray, PoseStamped, TwistStamped
         from nav_msgs.msg import Odometry
 
@@ -96,14 +96,14 @@ def running(*names: str) -> Iterator[list[subprocess.Popen[bytes]]]:
 
 
 @pytest.fixture
-def participant() -> Iterator[Participant]:
+def participant() -> Iterator[Ros2Participant]:
     with real_time():
-        one = Participant("tester")
+        one = Ros2Participant("tester")
         yield one
         one.close()
 
 
-def drive(participant: Participant, seconds: int) -> tuple[Robot, list[tuple[float, float, float]], float]:
+def drive(participant: Ros2Participant, seconds: int) -> tuple[Robot, list[tuple[float, float, float]], float]:
     """Return the robot, where it has been, and how long that took in real time [s]."""
     from geometry_msgs.msg import TwistStamped
 
@@ -129,7 +129,7 @@ def drive(participant: Participant, seconds: int) -> tuple[Robot, list[tuple[flo
     return robot, way, time.perf_counter() - began
 
 
-def test_timers_fire_at_exact_instants_faster_than_real_time(participant: Participant) -> None:
+def test_timers_fire_at_exact_instants_faster_than_real_time(participant: Ros2Participant) -> None:
     with running("avoider", "follower"):
         robot, way, took = drive(participant, 20)
     assert robot.stamps == [robot.began + k * PERIOD for k in range(1, 401)]
@@ -142,19 +142,19 @@ def test_a_run_is_repeated_to_the_last_bit() -> None:
     ways = []
     for name in ("one", "other"):
         with running("avoider", "follower"):
-            tester = Participant(name)
+            tester = Ros2Participant(name)
             ways.append(drive(tester, 6)[1])
             tester.close()
     assert ways[0] == ways[1]
     assert ways[0][-1][0] > 1.0
 
 
-def test_nodes_that_are_not_there_are_named(participant: Participant) -> None:
+def test_nodes_that_are_not_there_are_named(participant: Ros2Participant) -> None:
     with pytest.raises(HostFailure, match=r"/nobody serve none.*ros2-sim-time"):
         SteppedClock(participant, ["/nobody"], discovery=0.2)
 
 
-def test_a_node_that_dies_is_named(participant: Participant) -> None:
+def test_a_node_that_dies_is_named(participant: Ros2Participant) -> None:
     with running("avoider") as [node]:
         clock = SteppedClock(participant, ["/avoider"], within=1.0)
         assert clock.advance(PERIOD) == PERIOD
@@ -164,6 +164,6 @@ def test_a_node_that_dies_is_named(participant: Participant) -> None:
             clock.advance(2 * PERIOD)
 
 
-def test_a_step_takes_time(participant: Participant) -> None:
+def test_a_step_takes_time(participant: Ros2Participant) -> None:
     with pytest.raises(BadRequest, match=r"0 ns.*ros2-step"):
         SteppedClock(participant, [], step=0)

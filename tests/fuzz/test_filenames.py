@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from parcours.cli.model import command as model_command
 from parcours.filenames import LONGEST, file_name
-from parcours.run.binding.slots import Slot
-from parcours.run.binding.structure import Process
+from parcours.run.binding.slots import ProcessSlot
+from parcours.run.binding.structure import NodeProcess
 from parcours.run.hosts.foreign import host as foreign_host
 from parcours.study.components.archive import Archive
 from parcours_navigation.foreign.recorded import recording_place
@@ -91,5 +91,5 @@ def test_output_of_foreign_nodes_stays_in_its_folder_and_apart(tmp_path: Path, m
     host.folder, host.running = tmp_path, {}
     graph = SimpleNamespace(environment={}, arguments=lambda slot: (), watch=lambda descriptor, look: None)
     host.graph = cast(Any, graph)
-    host.start([Slot(name, Process(name, (), ("run",))) for name in (ESCAPE, "Node#1", "Node_1")])
+    host.start([ProcessSlot(name, NodeProcess(name, (), ("run",))) for name in (ESCAPE, "Node#1", "Node_1")])
     assert len(set(logs)) == 3 and {log.parent for log in logs} == {tmp_path}

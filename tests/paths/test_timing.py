@@ -14,12 +14,12 @@ from parcours.errors import BadRequest
 from parcours.model import Cefsm, parse_model
 from parcours.paths.solving import solved_schedule
 from parcours.paths.timing import Contradiction, Schedule, Unscheduled, schedule
-from parcours.paths.timing.network import Limit, Windows, windows_of
+from parcours.paths.timing.network import TimeLimit, Windows, windows_of
 
 EVENTS = 5
 LIMITS = st.lists(
     st.builds(
-        Limit,
+        TimeLimit,
         st.integers(0, EVENTS - 1),
         st.integers(0, EVENTS - 1),
         st.integers(-6, 20).map(lambda n: Fraction(n, 3)),
@@ -33,7 +33,7 @@ def times() -> list[z3.ArithRef]:
     return [z3.RealVal(0), *(z3.Real(f"t{event}") for event in range(1, EVENTS))]
 
 
-def as_solver(limits: list[Limit]) -> z3.Solver:
+def as_solver(limits: list[TimeLimit]) -> z3.Solver:
     solver, t = z3.Solver(), times()
     solver.add(*(t[event] >= 0 for event in range(1, EVENTS)))
     for limit in limits:
@@ -48,8 +48,8 @@ def can(solver: z3.Solver, *claims: z3.BoolRef) -> bool:
 
 @given(LIMITS)
 @settings(max_examples=60, deadline=None)
-def test_windows_are_those_of_the_solver_and_contradictions_too(limits: list[Limit]) -> None:
-    limits = [*limits, *(Limit(event, event - 1, Fraction(0)) for event in range(1, EVENTS))]
+def test_windows_are_those_of_the_solver_and_contradictions_too(limits: list[TimeLimit]) -> None:
+    limits = [*limits, *(TimeLimit(event, event - 1, Fraction(0)) for event in range(1, EVENTS))]
     found, solver, t = windows_of(EVENTS, limits), as_solver(limits), times()
     if not isinstance(found, Windows):
         assert not can(as_solver([limit for limit in found if limit.why == ""]))

@@ -32,7 +32,7 @@ from parcours_ramp.planner.messages import (
     EvaluationResponse,
     ModificationRequest,
     Obstacles,
-    Report,
+    StateReport,
     Tag,
     TrajectoryRequest,
     TrajectoryResponse,
@@ -265,7 +265,7 @@ def test_what_an_evaluation_remembers_survives() -> None:
 def test_negative_zero_denormal_numbers_and_the_ends_of_ints_survive() -> None:
     pose = one(POSE)
     pose.x, pose.y, pose.heading, pose.v = -0.0, 5e-324, math.nextafter(1.0, 2.0), 1.7976931348623157e308
-    report = Report(-(2**63), pose, 2**63 - 1)
+    report = StateReport(-(2**63), pose, 2**63 - 1)
     assert bits(decode("update", encode("update", report))) == bits(report)
     assert decode("speed_limit", encode("speed_limit", math.inf)) == math.inf
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from parcours_ramp.planner.flat import CountedPart, Given, Layout, Part
+from parcours_ramp.planner.flat import CountedPart, Given, Part, RecordLayout
 from parcours_ramp.planner.forms import PATHS, PREDICTIONS, TRAJECTORIES
 from parcours_ramp.planner.messages import (
     MAX_PIECES,
@@ -43,7 +43,7 @@ LAYOUTS = [
 
 @pytest.mark.parametrize(("layout", "records"), LAYOUTS)
 def test_a_part_that_is_lost_or_confused_in_restoring_is_found(
-    layout: Layout, records: Any, monkeypatch: pytest.MonkeyPatch
+    layout: RecordLayout, records: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     values = layout.flatten("best_trajectory", records)
     sound = layout._parts
@@ -68,7 +68,7 @@ def test_a_part_that_is_lost_or_confused_in_restoring_is_found(
 
 
 @pytest.mark.parametrize(("layout", "records"), LAYOUTS)
-def test_the_parts_of_a_layout_hold_every_word_of_a_record_once(layout: Layout, records: Any) -> None:
+def test_the_parts_of_a_layout_hold_every_word_of_a_record_once(layout: RecordLayout, records: Any) -> None:
     words = layout.restore(Given("best_trajectory", layout.fields, layout.flatten("best_trajectory", records)))
     sent = sum(value.size for value in layout.flatten("best_trajectory", records))
     values = words.view(np.ndarray).view(np.int64)

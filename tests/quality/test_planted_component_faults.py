@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from parcours.kernels import Record
-from parcours.run.hosts.battery import Taken
+from parcours.run.hosts.battery import ToyStep
 from parcours.run.port import Component, Step
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components import study
@@ -18,7 +18,7 @@ from parcours_ramp.planner.messages import (
     EvaluationResponse,
     ModificationRequest,
     ModificationResponse,
-    Report,
+    StateReport,
     Tag,
     TrajectoryResponse,
 )
@@ -65,7 +65,7 @@ def all_fail(results: list[Functional], *words: str) -> None:
 
 def replaced(channel: str, change: Callable[[object], object]) -> Spoil:
     """Return the fault that changes every message on a channel."""
-    return lambda step: [Taken(step.transition, tuple((c, change(m) if c == channel else m) for c, m in step.sends))]
+    return lambda step: [ToyStep(step.transition, tuple((c, change(m) if c == channel else m) for c, m in step.sends))]
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_a_service_that_leaves_out_a_transition_is_found_at_that_transition(
 def test_a_message_sent_twice_is_found_by_its_channel(
     monkeypatch: pytest.MonkeyPatch, component: str, itp: str, transition: str
 ) -> None:
-    results = run_spoiled(monkeypatch, component, ("handle",), lambda s: [Taken(s.transition, s.sends * 2)], itp)
+    results = run_spoiled(monkeypatch, component, ("handle",), lambda s: [ToyStep(s.transition, s.sends * 2)], itp)
     all_fail(results, f"expected {transition} to send", f"got {transition} sending")
     assert all(result.judgement.why.count(", got") == 1 for result in results)
 
@@ -179,16 +179,16 @@ def test_a_control_that_never_reports_is_found(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_control_that_reports_into_the_void_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    results = run_spoiled(monkeypatch, "Control", ("tick",), lambda step: [Taken(step.transition)], "ITP6")
+    results = run_spoiled(monkeypatch, "Control", ("tick",), lambda step: [ToyStep(step.transition)], "ITP6")
     all_fail(results, "expected p48 to send update, got p48 sending nothing")
 
 
 def test_a_control_whose_reports_are_no_numbers_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def change(message: object) -> object:
-        assert isinstance(message, Report)
+        assert isinstance(message, StateReport)
         pose = message.pose.copy()
         pose.x = np.nan
-        return Report(message.stamp, pose)
+        return StateReport(message.stamp, pose)
 
     results = run_spoiled(monkeypatch, "Control", ("tick",), replaced("update", change), "ITP4")
     reporting = [r for r in results if "tp42" in r.case.abstract]
@@ -270,14 +270,14 @@ def _moved(trajectory: Record) -> Record:
 
 def test_a_control_whose_reports_never_change_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def change(message: object) -> object:
-        assert isinstance(message, Report)
+        assert isinstance(message, StateReport)
         return _at_origin(message)
 
     results = run_spoiled(monkeypatch, "Control", ("tick",), replaced("update", change), "ITP6")
     all_fail(results, "update/as sensed: it.x is 0")
 
 
-def _at_origin(report: Report) -> Report:
+def _at_origin(report: StateReport) -> StateReport:
     pose = report.pose.copy()
     pose.x = pose.y = 0.0
-    return Report(report.stamp, pose)
+    return StateReport(report.stamp, pose)

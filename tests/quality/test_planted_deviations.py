@@ -16,7 +16,7 @@ from parcours.verdict.conformance.tracking import Observes
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
 from parcours_ramp.planner.latency import none
-from parcours_ramp.planner.messages import Step, Tag, TrajectoryResponse
+from parcours_ramp.planner.messages import PlannerStep, Tag, TrajectoryResponse
 from parcours_ramp.system import component_form
 from parcours_ramp.system.study import system_study
 
@@ -35,15 +35,15 @@ TIMEOUTS = {
     "modification_response": 5 * MS,
 }
 
-Spoil = Callable[[Iterator[Step]], Iterator[Step]]
+Spoil = Callable[[Iterator[PlannerStep]], Iterator[PlannerStep]]
 """What a faulty component does in place of the steps of one message or wake."""
 
 
-def after(name: str, *more: Step) -> Spoil:
+def after(name: str, *more: PlannerStep) -> Spoil:
     return lambda steps: (out for step in steps for out in ((step, *more) if step.transition == name else (step,)))
 
 
-def before(name: str, *more: Step) -> Spoil:
+def before(name: str, *more: PlannerStep) -> Spoil:
     return lambda steps: (out for step in steps for out in ((*more, step) if step.transition == name else (step,)))
 
 
@@ -51,17 +51,17 @@ def without(name: str) -> Spoil:
     return lambda steps: (step for step in steps if step.transition != name)
 
 
-def instead(name: str, change: Callable[[Step], Step]) -> Spoil:
+def instead(name: str, change: Callable[[PlannerStep], PlannerStep]) -> Spoil:
     return lambda steps: (change(step) if step.transition == name else step for step in steps)
 
 
 def renamed(name: str, to: str) -> Spoil:
-    return instead(name, lambda step: Step(to, step.sends))
+    return instead(name, lambda step: PlannerStep(to, step.sends))
 
 
 def swapped(first: str, second: str) -> Spoil:
-    def spoil(steps: Iterator[Step]) -> Iterator[Step]:
-        held: Step | None = None
+    def spoil(steps: Iterator[PlannerStep]) -> Iterator[PlannerStep]:
+        held: PlannerStep | None = None
         for step in steps:
             if step.transition == first:
                 held = step
@@ -74,7 +74,7 @@ def swapped(first: str, second: str) -> Spoil:
 
 
 def until(name: str) -> Spoil:
-    def spoil(steps: Iterator[Step]) -> Iterator[Step]:
+    def spoil(steps: Iterator[PlannerStep]) -> Iterator[PlannerStep]:
         for step in steps:
             yield step
             if step.transition == name:
@@ -83,22 +83,22 @@ def until(name: str) -> Spoil:
     return spoil
 
 
-def silent(steps: Iterator[Step]) -> Iterator[Step]:
+def silent(steps: Iterator[PlannerStep]) -> Iterator[PlannerStep]:
     for step in steps:
-        yield Step("", tuple(send for send in step.sends if send[0] == "cmd_vel"))
+        yield PlannerStep("", tuple(send for send in step.sends if send[0] == "cmd_vel"))
 
 
 def deferred(name: str, to: str) -> Spoil:
     """The messages of one transition leave with a later one."""
 
-    def spoil(steps: Iterator[Step]) -> Iterator[Step]:
+    def spoil(steps: Iterator[PlannerStep]) -> Iterator[PlannerStep]:
         kept: tuple[tuple[str, object], ...] = ()
         for step in steps:
             if step.transition == name:
                 kept = step.sends
-                yield Step(name)
+                yield PlannerStep(name)
             elif step.transition == to:
-                yield Step(to, (*step.sends, *kept))
+                yield PlannerStep(to, (*step.sends, *kept))
             else:
                 yield step
 
@@ -109,32 +109,32 @@ def faulty(healthy: type, spoil: Spoil) -> type:
     """Return the component's class with its steps spoilt."""
 
     class Faulty(healthy):  # type: ignore[misc]
-        def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
             return spoil(super().handle(channel, message, now))
 
-        def wake(self, now: int) -> Iterator[Step]:
+        def wake(self, now: int) -> Iterator[PlannerStep]:
             return spoil(super().wake(now))
 
     return Faulty
 
 
-def twice(step: Step) -> Step:
-    return Step(step.transition, step.sends * 2)
+def twice(step: PlannerStep) -> PlannerStep:
+    return PlannerStep(step.transition, step.sends * 2)
 
 
-def twice_but_stale(step: Step) -> Step:
+def twice_but_stale(step: PlannerStep) -> PlannerStep:
     """Answer twice; the second answer names a conversation that nobody holds, so that the planner survives it."""
     [(channel, answer)] = step.sends
     assert isinstance(answer, TrajectoryResponse)
-    return Step(step.transition, ((channel, answer), (channel, answer._replace(tag=Tag("sensing", -1)))))
+    return PlannerStep(step.transition, ((channel, answer), (channel, answer._replace(tag=Tag("sensing", -1)))))
 
 
-def mute(step: Step) -> Step:
-    return Step(step.transition)
+def mute(step: PlannerStep) -> PlannerStep:
+    return PlannerStep(step.transition)
 
 
-def on(channel: str) -> Callable[[Step], Step]:
-    return lambda step: Step(step.transition, tuple((channel, payload) for _, payload in step.sends))
+def on(channel: str) -> Callable[[PlannerStep], PlannerStep]:
+    return lambda step: PlannerStep(step.transition, tuple((channel, payload) for _, payload in step.sends))
 
 
 def lagging(delay: int) -> Callable[[str, str], int]:
@@ -163,7 +163,7 @@ class Plant:
 PLANTS: dict[str, Plant] = {
     "it works on before it has taken up the request": Plant("TrajectoryGenerator", without("p22"),
         "", "p23", "cannot be taken here", "p21 p22"),
-    "it takes one request up twice": Plant("TrajectoryGenerator", after("p25", Step("p22")),
+    "it takes one request up twice": Plant("TrajectoryGenerator", after("p25", PlannerStep("p22")),
         "p22 p23 p24 p25", "p22", "needs a message of", "?trajectory_request p21"),
     "it answers twice in one transition": Plant("TrajectoryGenerator", instead("p24", twice_but_stale),
         "p22 p23 p24", "trajectory_response", "no transition taken sends it", "p25", seen_from_outside=True),
@@ -185,30 +185,31 @@ PLANTS: dict[str, Plant] = {
     "it takes its transitions in another order": Plant("PathModification", swapped("p53", "p54"),
         "p52 p54", "p53", "cannot be taken here", "p55"),
     "it answers one request with two transitions": Plant(
-        "PathModification", after("p54", Step("p54", (("modification_response", None),))),
+        "PathModification", after("p54", PlannerStep("p54", (("modification_response", None),))),
         "p52 p53 p54", "p54", "cannot be taken here", "p55", seen_from_outside=True),
     "it reports a transition that it does not have": Plant("PathModification", renamed("p53", "p43"),
         "p52", "p43", "is no transition of", "p53 p54"),
-    "it sends before it may": Plant("Sensing", before("p63", Step("", (("obstacles", None),))),
+    "it sends before it may": Plant("Sensing", before("p63", PlannerStep("", (("obstacles", None),))),
         "p62", "obstacles", "no transition taken sends it", "p63 p64"),
-    "it sends after its end": Plant("Sensing", after("p64", Step("", (("obstacles", None),))),
+    "it sends after its end": Plant("Sensing", after("p64", PlannerStep("", (("obstacles", None),))),
         "p62 p63 p64", "obstacles", "no transition taken sends it", "?odometry p61"),
-    "it begins anew without a message": Plant("Sensing", after("p64", Step("p62")),
+    "it begins anew without a message": Plant("Sensing", after("p64", PlannerStep("p62")),
         "p62 p63 p64", "p62", "needs a message of", "?odometry p61"),
-    "it begins in another state than its first": Plant("Control", before("p42", Step("p46")),
+    "it begins in another state than its first": Plant("Control", before("p42", PlannerStep("p46")),
         "", "p46", "cannot be taken here", "p41 p42 p44 p47 p48"),
-    "it acts without having been told": Plant("Control", before("p48", Step("p42")),
+    "it acts without having been told": Plant("Control", before("p48", PlannerStep("p42")),
         "p42 p47", "p42", "cannot be taken here", "p43 p46 p47 p48"),
     "its clock is never set back": Plant("Control", without("p49"),
         "p42 p47 p48", "p47", "cannot be taken here", "p43 p46 p49"),
-    "it reports between two intervals": Plant("Control", instead("p47", lambda step: Step("p47", (("update", None),))),
+    "it reports between two intervals": Plant("Control",
+        instead("p47", lambda step: PlannerStep("p47", (("update", None),))),
         "p42 p47", "update", "no transition taken sends it", "p43 p46 p47 p48"),
     "it is silent from the beginning": Plant("Control", silent,
         "", "update", "within 40 ms", "p41 p42 p44 p47 p48", seen_from_outside=True),
     "it asks on another channel": Plant("Planner", instead("p15", on("evaluation_request")),
         "p12 p13 p11 p15", "evaluation_request", "where the transition taken sends another",
         "!trajectory_request", seen_from_outside=True),
-    "it asks again without an answer": Plant("Planner", after("p15", Step("p16")),
+    "it asks again without an answer": Plant("Planner", after("p15", PlannerStep("p16")),
         "p12 p13 p11 p15", "p16", "needs a message of",
         "?trajectory_response !evaluation_request !trajectory_request p11 p12 p17"),
     "it takes one transition for another": Plant("Planner", renamed("p17", "p16"),
@@ -223,7 +224,7 @@ PLANTS: dict[str, Plant] = {
         "?obstacles !evaluation_request !trajectory_request p13 p14"),
     "it plans before its control cycle is over": Plant("Planner", without("p13"),
         "p12", "p11", "cannot be taken here", "?obstacles !evaluation_request !trajectory_request p13 p14"),
-    "it asks twice at once": Plant("Planner", after("p15", Step("", (("trajectory_request", None),))),
+    "it asks twice at once": Plant("Planner", after("p15", PlannerStep("", (("trajectory_request", None),))),
         "p12 p13 p11 p15", "trajectory_request", "holds 1, but one more was sent",
         "?trajectory_response !evaluation_request !trajectory_request p11 p12 p17", seen_from_outside=True),
 }  # fmt: skip

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from message_classes import defined_types
 from parcours.model import check_text
-from parcours.run.binding import Graph, check_binding, graph_findings
+from parcours.run.binding import RegisteredGraph, check_binding, graph_findings
 from parcours.run.binding.drafting import draft
 from parcours.run.binding.graph import Quality
 
@@ -18,7 +18,7 @@ TYPES = defined_types({
     "std_srvs/EmptyRequest": "",
     "demo_msgs/Go_SendGoalRequest": "demo_msgs/Bool goal_id\ndemo_msgs/Bool goal",
 })  # fmt: skip
-GRAPH = Graph(
+GRAPH = RegisteredGraph(
     publishers={"/rosout": ["/a"], "/cmd_vel": ["/left/pilot"], "/seen": ["/eyes"], "/what": ["/eyes"],
                 "/both": ["/eyes", "/left/pilot"], "/go/_action/feedback": ["/left/pilot"]},
     subscribers={"/cmd_vel": ["/left/pilot", "/wheels"], "/seen": ["/left/pilot", "/right/pilot"], "/odom": ["/wheels"],

@@ -14,7 +14,7 @@ from parcours.errors import BadRequest
 from parcours.model import check_file
 from parcours.run.binding import (
     Binding,
-    Graph,
+    RegisteredGraph,
     arguments,
     check_binding,
     compile_binding,
@@ -245,7 +245,7 @@ def test_a_node_that_sends_and_receives_one_topic_is_refused() -> None:
     assert {one.rule for one in found} == {"binding-loop"}
 
 
-def graph(binding: Binding, **changes: dict[str, Any]) -> Graph:
+def graph(binding: Binding, **changes: dict[str, Any]) -> RegisteredGraph:
     """What is registered when all nodes of the binding are up."""
     publishers: dict[str, list[str]] = {}
     subscribers: dict[str, list[str]] = {}
@@ -261,7 +261,7 @@ def graph(binding: Binding, **changes: dict[str, Any]) -> Graph:
     tables: dict[str, Any] = {"publishers": publishers, "subscribers": subscribers, "servers": servers, "types": types}
     for name, change in changes.items():
         tables[name] = {**tables[name], **change}
-    return Graph(**tables)
+    return RegisteredGraph(**tables)
 
 
 @pytest.mark.parametrize("path", [PYTHON, RAMP])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.faults import parse_plan
-from parcours.run.hosts.battery import Counting, Sink, Source, Taken
+from parcours.run.hosts.battery import Counting, Sink, Source, ToyStep
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Send, Step
 from parcours.run.trace import durations, transitions
@@ -45,17 +45,17 @@ class Scripted:
 
 
 def takes(transition: str, *sends: Send) -> Iterator[Step]:
-    yield Taken(transition, sends)
+    yield ToyStep(transition, sends)
 
 
 def ping_pong(rounds: int) -> tuple[Scripted, Scripted, tuple[Link, Link]]:
     def ping(channel: str | None, message: object, now: int) -> Iterator[Step]:
         assert isinstance(message, int)
-        yield Taken("p2", (("ball", message + 1),) if message < rounds else ())
+        yield ToyStep("p2", (("ball", message + 1),) if message < rounds else ())
 
     def pong(channel: str | None, message: object, now: int) -> Iterator[Step]:
-        yield Taken("q1")
-        yield Taken("q2", (("back", message),))
+        yield ToyStep("q1")
+        yield ToyStep("q2", (("back", message),))
 
     return (
         Scripted("Ping", ping, (0,), lambda now: takes("p1", ("ball", 1))),
@@ -225,7 +225,7 @@ def test_the_tester_may_be_a_component_that_acts_by_itself() -> None:
 
 
 def boom(now: int) -> Iterator[Step]:
-    yield Taken("b1")
+    yield ToyStep("b1")
     raise ValueError("no room")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.scheduling import NODE_PRIORITY, real_time
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours_navigation.foreign.judging import Judged
+from parcours_navigation.foreign.judging import JudgedCase
 from parcours_navigation.foreign.results import Result, tables
 
 _STARTED = """
@@ -46,7 +46,7 @@ def test_a_node_runs_all_the_same_where_it_is_not_allowed(tmp_path: Path) -> Non
 
 
 def test_the_report_names_who_did_not_get_it() -> None:
-    judged = Judged(
+    judged = JudgedCase(
         Judgement(Verdict.PASS, "well"), scheduling=(("Planner#0", "SCHED_OTHER"), ("Eyes", "SCHED_FIFO 9"))
     )
     [_, table] = tables([Result("a/0", "abstract", judged, 1.0)])

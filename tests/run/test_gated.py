@@ -16,7 +16,7 @@ from parcours.model.model_file import read_model
 from parcours.model.structure import Cefsm
 from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution, instance_name
-from parcours.run.hosts.battery import Taken
+from parcours.run.hosts.battery import ToyStep
 from parcours.run.in_process import execute
 from parcours.run.port import Send, Step
 from parcours.run.trace import held, transitions
@@ -44,7 +44,7 @@ class Obedient:
                 return
             self._at += 1
             first = False
-            yield Taken(event.transition, tuple((e.channel, f"from {event.position}") for e in event.sends))
+            yield ToyStep(event.transition, tuple((e.channel, f"from {event.position}") for e in event.sends))
 
     def next_wake(self) -> int | None:
         return None
@@ -144,7 +144,7 @@ class Plain:
 
 
 def steps(*taken: str | tuple[str, Send]) -> tuple[Step, ...]:
-    return tuple(Taken(one) if isinstance(one, str) else Taken(one[0], (one[1],)) for one in taken)
+    return tuple(ToyStep(one) if isinstance(one, str) else ToyStep(one[0], (one[1],)) for one in taken)
 
 
 GOOD_A = Plain("A", poll=steps(("a1", ("ask", 1)), "a2"))

@@ -9,18 +9,18 @@ import pytest
 
 from parcours.errors import HostFailure
 from parcours.run.faults import parse_plan
-from parcours.run.hosts.battery import DUTIES, Factory, Host
+from parcours.run.hosts.battery import DUTIES, Factory, HostUnderTest
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.hosts.slots import Answer
 from parcours.run.port import Component, Link, Step
 from parcours.run.trace import Trace, TraceEvent
 
 
-def simulated(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> Host:
+def simulated(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> HostUnderTest:
     return SimulatedHost(components, links, environment=environment)
 
 
-def simulated_with_jitter(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> Host:
+def simulated_with_jitter(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> HostUnderTest:
     return SimulatedHost(
         components,
         links,
@@ -64,7 +64,7 @@ class Tampered:
     """A host whose record, reset or close is spoilt."""
 
     def __init__(
-        self, host: Host, spoil: Callable[[Trace], Trace], *, resets: bool = True, closes: bool = True
+        self, host: HostUnderTest, spoil: Callable[[Trace], Trace], *, resets: bool = True, closes: bool = True
     ) -> None:
         self._host, self._spoil, self._resets, self._closes, self._closed = host, spoil, resets, closes, False
         self.inject, self.run = host.inject, host.run
@@ -97,7 +97,7 @@ class Tampered:
 def test_the_battery_finds_a_host_that_breaks_its_duty(
     duty: str, spoil: Callable[[Trace], Trace], resets: bool, closes: bool
 ) -> None:
-    def make(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> Host:
+    def make(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> HostUnderTest:
         return Tampered(simulated(components, links, environment), spoil, resets=resets, closes=closes)
 
     with pytest.raises(HostFailure, match=r"\[host-duty\]"):

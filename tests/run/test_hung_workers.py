@@ -90,14 +90,14 @@ def test_what_was_said_of_cases_cannot_be_taken_back() -> None:
 
 
 @contextlib.contextmanager
-def worker(limit: float) -> Iterator[tuple[heartbeat.Watch, np.ndarray, int]]:
+def worker(limit: float) -> Iterator[tuple[heartbeat.WorkerWatch, np.ndarray, int]]:
     """Yield the watch of a worker that has said it is on case 4, its words, and its end of the pipe."""
     block = heartbeat.new_block(multiprocessing, 3)
     ours, theirs = os.pipe()
     os.set_blocking(ours, False)
     os.write(theirs, heartbeat._ENTRY.pack(-4711.0, 0.0) + heartbeat._ENTRY.pack(4.0, limit))
     try:
-        yield heartbeat.Watch(block, ours), np.frombuffer(block), theirs
+        yield heartbeat.WorkerWatch(block, ours), np.frombuffer(block), theirs
     finally:
         os.close(ours)
         os.close(theirs)

@@ -20,12 +20,12 @@ from parcours.run.hosts.frames import (
     Deliver,
     Died,
     Look,
+    OfferedTurn,
     Quit,
     Ready,
     Report,
     Scalar,
-    Took,
-    Turn,
+    TransitionTaken,
     Turned,
     Wire,
 )
@@ -34,7 +34,7 @@ from parcours.run.instance import Manner
 
 NUMBERS = st.integers(-(2**63), 2**63 - 1)
 WIRES = st.builds(Wire, st.text(), st.binary())
-TURNS = st.builds(Turn, st.text(), NUMBERS, st.text(), st.none() | WIRES, st.tuples(WIRES) | st.just(()))
+TURNS = st.builds(OfferedTurn, st.text(), NUMBERS, st.text(), st.none() | WIRES, st.tuples(WIRES) | st.just(()))
 FIELDS = {
     int: NUMBERS,
     str: st.text(),
@@ -42,7 +42,7 @@ FIELDS = {
     Wire: WIRES,
     Manner: st.sampled_from(get_args(Manner)),
     tuple[int, ...]: st.lists(NUMBERS).map(tuple),
-    tuple[Turn, ...]: st.lists(TURNS, max_size=3).map(tuple),
+    tuple[OfferedTurn, ...]: st.lists(TURNS, max_size=3).map(tuple),
     tuple[Wire, ...]: st.lists(WIRES, max_size=3).map(tuple),
     tuple[tuple[int, Wire], ...]: st.lists(st.tuples(NUMBERS, WIRES), max_size=3).map(tuple),
     tuple[tuple[int, Wire, tuple[Wire, ...]], ...]: st.lists(
@@ -185,7 +185,7 @@ def test_a_frame_too_large_to_be_read_is_refused_where_it_is_sent(pair: Pair) ->
 
 def test_the_smallest_and_the_fullest_frames_are_what_they_say() -> None:
     turned = Turned(3, "taken", 9, "p1", (Wire("c", b"d"),), 8, ((7, Wire("e")),), "t")
-    for report in (Ready(), turned, Took(1, "", ()), Died(5, -9)):
+    for report in (Ready(), turned, TransitionTaken(1, "", ()), Died(5, -9)):
         assert frames.report(frames.packed(report)) == report
     for command in (Quit(), Look(2), Deliver(1, Wire("c", b"\x00"))):
         assert frames.command(frames.packed(command)) == command

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
-from parcours.run.hosts.frames import Begin, Died, Grant, Idle, Look, Ready, Rest, Run, Turn, Wire
+from parcours.run.hosts.battery import DUTIES, Counting, HostUnderTest, Sink, Source
+from parcours.run.hosts.frames import Begin, Died, Grant, Idle, Look, OfferedTurn, Ready, Rest, RunFreely, Wire
 from parcours.run.hosts.node_program import Plain, nodes_of
 from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.hosts.realtime import RealTimeHost
@@ -30,7 +30,7 @@ def toys(component: str) -> Plain:
     return Plain(component, {"Source": Source, "Sink": Sink, "Counting": Counting})
 
 
-def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> Host:
+def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> HostUnderTest:
     transport = started([part.name for part in components], links)
     return RealTimeHost(transport, links, toys(""), environment=tester)
 
@@ -78,7 +78,7 @@ def test_a_killed_node_is_noticed_with_its_signal_and_again_whenever_it_is_spoke
     [(node, died)] = said(transport)
     assert node == "Counting" and isinstance(died, Died) and died.status == -signal.SIGKILL
     assert said(transport, within=0.05) == []
-    for command in (Rest(), Run(b"", 0), Look(0)):
+    for command in (Rest(), RunFreely(b"", 0), Look(0)):
         transport.command("Counting", command)
         [(node, died)] = said(transport)
         assert node == "Counting" and isinstance(died, Died) and died.status == -signal.SIGKILL
@@ -98,7 +98,7 @@ def test_a_node_that_is_found_dead_while_it_is_sent_to_is_noticed_nevertheless(t
 
 
 def test_what_a_node_said_before_it_died_is_heard_before_its_death(transport: ProcessTransport) -> None:
-    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    transport.command("Counting", RunFreely(b"", time.perf_counter_ns()))
     transport.command("Counting", Rest())
     time.sleep(0.2)
     os.kill(transport.pids["Counting"], signal.SIGKILL)
@@ -114,7 +114,7 @@ def test_a_driven_node_takes_turns_and_shows_itself(transport: ProcessTransport)
     assert said(transport) == [("Counting", Ready())]
     asked = Wire("ask", toys("").encode("ask", None))
     for reference, transition in ((4, "c2"), (4, "c1"), (7, "c2")):
-        transport.command("Counting", Grant(reference, (Turn(transition, given=asked),)))
+        transport.command("Counting", Grant(reference, (OfferedTurn(transition, given=asked),)))
         [(_, turned)] = said(transport)
         assert (turned.reference, turned.manner, turned.transition) == (reference, "taken", transition)  # type: ignore[attr-defined]
     transport.command("Counting", Look(4))
@@ -262,7 +262,7 @@ def test_no_node_outlives_its_fork_server(transport: ProcessTransport) -> None:
 
 
 def test_idle_nodes_say_so_once_and_use_no_time(transport: ProcessTransport) -> None:
-    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    transport.command("Counting", RunFreely(b"", time.perf_counter_ns()))
     assert said(transport) == [("Counting", Idle(0))]
     used = processor_time(transport.pids["Counting"])
     assert said(transport, 0.3) == []

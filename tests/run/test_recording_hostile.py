@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from parcours.errors import BadResults
 from parcours.run.recording import Entry, convert, read_recording, write_recording
 from parcours.run.recording.content import END, EVENT, EVENTS, RUN, TEXT
-from parcours.run.recording.source import Source
+from parcours.run.recording.source import ByteSource
 from parcours.run.recording.topic import Format, Topic, open_writer
 from parcours.run.trace import Trace, TraceEvent
 
@@ -152,7 +152,7 @@ def test_more_than_was_asked_for_is_not_read(form: str, tmp_path: Path) -> None:
 
 
 def expand(compression: str, content: bytes, size: int, where: str) -> bytes:
-    return Source(io.BytesIO(), where, 1 << 30).expand(compression, content, size)
+    return ByteSource(io.BytesIO(), where, 1 << 30).expand(compression, content, size)
 
 
 LZ4 = import_module("lz4.frame")

@@ -20,7 +20,7 @@ from parcours_ramp.components.study import (
     run_functional,
 )
 from parcours_ramp.planner.latency import none
-from parcours_ramp.planner.wire import FORMS, Field, flatten, restore
+from parcours_ramp.planner.wire import FORMS, FormField, flatten, restore
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import system_study
 
@@ -30,7 +30,7 @@ both = pytest.mark.parametrize("form", ("mcap", "bag"))
 class Wire:
     """RAMP's messages as they travel."""
 
-    def form(self, channel: str) -> Sequence[Field] | None:
+    def form(self, channel: str) -> Sequence[FormField] | None:
         return FORMS.get(channel)
 
     def flatten(self, channel: str, payload: object) -> Sequence[object]:

@@ -10,7 +10,7 @@ import pytest
 from parcours.errors import BadRequest
 from parcours.run.recording import Entry, Recorder, write_recording
 from parcours.run.recording.content import Names
-from parcours.run.recording.layout import Layout
+from parcours.run.recording.layout import MessageLayout
 from parcours.run.trace import Trace, TraceEvent
 
 both = pytest.mark.parametrize("form", ("mcap", "bag"))
@@ -28,7 +28,7 @@ FORMS = {
 )
 def test_values_that_are_not_of_their_form_are_refused(values: tuple[object, ...]) -> None:
     with pytest.raises(BadRequest, match="recording-value"):
-        Layout(FORMS["pose"], "channel 'pose'").pack(values)
+        MessageLayout(FORMS["pose"], "channel 'pose'").pack(values)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_arrays_and_texts_that_are_not_of_their_form_are_refused(place: int, val
     values: list[object] = [[1.0], 1, [1], "a"]
     values[place] = value
     with pytest.raises(BadRequest, match="recording-value"):
-        Layout(FORMS["path"], "channel 'path'").pack(values)
+        MessageLayout(FORMS["path"], "channel 'path'").pack(values)
 
 
 @pytest.mark.parametrize(
@@ -47,17 +47,20 @@ def test_arrays_and_texts_that_are_not_of_their_form_are_refused(place: int, val
 )
 def test_forms_that_ros_cannot_name_are_refused(fields: tuple[Entry, ...]) -> None:
     with pytest.raises(BadRequest, match="recording-form"):
-        Layout(fields, "channel 'c'")
+        MessageLayout(fields, "channel 'c'")
 
 
 def test_comments_do_not_count_in_the_sum_but_order_does() -> None:
     one, two = Entry("a", "int", "first"), Entry("b", "float")
-    plain = Layout((Entry("a", "int"), two), "c")
-    assert Layout((one, two), "c").md5 == plain.md5 != Layout((two, one), "c").md5
+    plain = MessageLayout((Entry("a", "int"), two), "c")
+    assert MessageLayout((one, two), "c").md5 == plain.md5 != MessageLayout((two, one), "c").md5
 
 
 def test_a_comment_of_several_lines_stays_a_comment() -> None:
-    assert Layout((Entry("a", "int", "first\nfloat64 trick"),), "c").definition == "int64 a  # first float64 trick\n"
+    assert (
+        MessageLayout((Entry("a", "int", "first\nfloat64 trick"),), "c").definition
+        == "int64 a  # first float64 trick\n"
+    )
 
 
 @pytest.mark.parametrize(

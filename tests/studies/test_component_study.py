@@ -17,7 +17,7 @@ from parcours.run.clocks import ClockName, SimulatedClock
 from parcours.run.trace import transitions
 from parcours.study.components import executing
 from parcours.study.components.landing import landing_of
-from parcours.study.components.messages import Messages
+from parcours.study.components.messages import ModelMessages
 from parcours.study.components.results import PER_CASE
 from parcours.suite import Case, combine
 from parcours.verdict.judgement import Verdict
@@ -41,11 +41,11 @@ from parcours_ramp.components.study import (
 from parcours_ramp.planner.messages import (
     EvaluationResponse,
     ModificationResponse,
-    Step,
+    PlannerStep,
     TrajectoryRequest,
     TrajectoryResponse,
 )
-from parcours_ramp.planner.planner import Planner
+from parcours_ramp.planner.planner import PlannerComponent
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID, TRANSITION
 from parcours_ramp.planner.viewing import message_of
 
@@ -201,14 +201,14 @@ def test_all_67_abstract_cases_pass_with_one_instance_of_each_component() -> Non
 
 
 def test_a_planner_that_accepts_any_answer_is_found_with_one_instance_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    handle = Planner.handle
+    handle = PlannerComponent.handle
 
-    def accepting(self: Planner, channel: str | None, message: Any, now: int) -> Iterator[Step]:
+    def accepting(self: PlannerComponent, channel: str | None, message: Any, now: int) -> Iterator[PlannerStep]:
         if hasattr(message, "tag") and self._conversation is not None:
             message = message._replace(tag=self._conversation)
         yield from handle(self, channel, message, now)
 
-    monkeypatch.setattr(Planner, "handle", accepting)
+    monkeypatch.setattr(PlannerComponent, "handle", accepting)
     cases = [
         case for case in component_plan(seed=4, rows=1).cases() if interaction_of(case) in ("ITP1", "ITP2", "ITP5")
     ]
@@ -217,7 +217,7 @@ def test_a_planner_that_accepts_any_answer_is_found_with_one_instance_only(monke
 
 
 def test_every_message_is_of_the_class_that_the_model_declares() -> None:
-    messages, channels = Messages(component_model()), set()
+    messages, channels = ModelMessages(component_model()), set()
     for number in range(67):
         for event in run_functional(component_plan().case(number)).execution.trace.events:
             if event.kind == "send" and (message := message_of(event.channel, event.payload)) is not None:

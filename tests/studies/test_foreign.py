@@ -13,13 +13,13 @@ import pytest
 
 from message_classes import defined_types
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.binding import Binding, Graph, compile_binding, graph_findings, parse_binding, read_binding
+from parcours.run.binding import Binding, RegisteredGraph, compile_binding, graph_findings, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.graph import Quality
-from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED, Answered, Message
+from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED, Answered, RawMessage
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
-from parcours.run.binding.structure import Bound
+from parcours.run.binding.structure import BoundEntry
 from parcours.run.faults.text import parse_plan
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
@@ -28,11 +28,11 @@ from parcours.verdict.timing import NEVER as TIMED_OUT
 from parcours_navigation.facts import NEVER
 from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
 from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
-from parcours_navigation.foreign.judging import Judged
+from parcours_navigation.foreign.judging import JudgedCase
 from parcours_navigation.foreign.quiescence import proposals, silences
 from parcours_navigation.foreign.results import Result, RosResults, tables, waterfalls
 from parcours_navigation.foreign.timing import durations, spans, steps, timed
-from parcours_navigation.foreign.world import ForeignWorld, Scene
+from parcours_navigation.foreign.world import CaseKey, ForeignWorld
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python" / "binding.yaml"
 MS = 1_000_000
@@ -149,7 +149,7 @@ def test_a_delayed_message_keeps_its_place(binding: Binding) -> None:
 
 def test_what_is_kept_by_a_hook_goes_nowhere_until_it_is_released(binding: Binding) -> None:
     relay, graph, slot_plan = _relay(binding)
-    kept: list[Message] = []
+    kept: list[RawMessage] = []
     relay.arrived = kept.append
     relay.heard(_out(slot_plan, "obstacles"), b"x")
     assert (len(kept), graph.said) == (2, [])
@@ -247,7 +247,7 @@ def test_a_check_of_a_binding_loads_nothing_that_only_cases_need() -> None:
 
 def test_the_robot_is_driven_by_commands_until_they_run_out(binding: Binding) -> None:
     assert binding.system is not None
-    world = ForeignWorld(binding.system, Scene(1, 0, "empty"))
+    world = ForeignWorld(binding.system, CaseKey(1, 0, "empty"))
     world.command(0.25, 0.0, 100 * MS)
     world.advance(590 * MS)
     assert world.values(0, 0.0)["robot.v"] == pytest.approx(0.25)
@@ -259,7 +259,7 @@ def test_the_robot_is_driven_by_commands_until_they_run_out(binding: Binding) ->
 
 def test_how_often_the_world_is_asked_changes_nothing(binding: Binding) -> None:
     assert binding.system is not None
-    worlds = [ForeignWorld(binding.system, Scene(3, 4)) for _ in range(2)]
+    worlds = [ForeignWorld(binding.system, CaseKey(3, 4)) for _ in range(2)]
     for now in range(0, 3000, 7):
         worlds[0].advance(now * MS)
     for world in worlds:
@@ -277,7 +277,7 @@ def test_spans_run_from_the_first_hop_to_the_last(binding: Binding) -> None:
 
 def test_a_period_is_a_span_from_a_channel_to_itself() -> None:
     events = [TraceEvent(time, kind, channel="a") for time in (0, 30, 70) for kind in ("send", "receive")]
-    assert durations(events, Bound("period", (), "a", "a")) == [(30,), (40,)]
+    assert durations(events, BoundEntry("period", (), "a", "a")) == [(30,), (40,)]
 
 
 def test_a_chain_is_linked_and_its_steps_are_named(binding: Binding) -> None:
@@ -301,7 +301,7 @@ def test_a_chain_that_was_timed_is_kept_and_drawn(binding: Binding, tmp_path: Pa
     rows = [(k * MS, MS, 2 * MS) for k in range(1, 40)]
     [(case, made)] = timed(reaction, [*rows, (TIMED_OUT,)], 9, None, steps(binding, reaction))
     assert (len(case.durations), len(made.rows) if made else 0) == (31, 30)
-    result = Result("timing/reaction/x", "timing", Judged(case.judgement), 1.0, timing=case, chain=made)
+    result = Result("timing/reaction/x", "timing", JudgedCase(case.judgement), 1.0, timing=case, chain=made)
     with Journal(tmp_path) as journal:
         journal.add(result.id, json.loads(json.dumps(result.entry())))
     kept = RosResults("small", tmp_path, 1, "ros1")
@@ -346,6 +346,8 @@ def test_qualities_that_do_not_connect_are_named_with_both_sides(binding: Bindin
     plan = whole(binding)
     [out] = [one.address for one in plan.spokes if one.side == "out" and "obstacles" in one.channels]
     into = next(one.address for one in plan.spokes if one.side == "into" and "obstacles" in one.channels)
-    graph = Graph(offered={out: {"/a": Quality(deadline=2 * MS)}}, requested={into: {"/b": Quality(deadline=MS)}})
+    graph = RegisteredGraph(
+        offered={out: {"/a": Quality(deadline=2 * MS)}}, requested={into: {"/b": Quality(deadline=MS)}}
+    )
     [found] = [one for one in graph_findings(binding, graph) if one.rule == "qos-mismatch"]
     assert "/a offers a deadline of 2 ms, but a deadline of 1 ms is requested by /b" in found.message

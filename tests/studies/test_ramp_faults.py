@@ -18,7 +18,7 @@ from parcours.run.faults import FaultPlan, parse_fault, parse_plan
 from parcours.run.hosts.component_faults import Death
 from parcours.run.trace import Trace
 from parcours_navigation.facts import NEVER, TRACK
-from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
+from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, CatalogueEntry, catalogue, chosen
 from parcours_ramp.faults.judging import CaseOutcome, RobotOutcome, judge
 from parcours_ramp.faults.reporting import SHOWN, fault_document, fault_page, tables
 from parcours_ramp.faults.running import (
@@ -45,7 +45,7 @@ def cases(schedule: str) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def trial(schedule: str, line: str) -> Trial:
     numbers, times = cases(schedule)
-    return Trial(faults_study(schedule, 1), numbers[0], Entry("topics", parse_fault(line)), times[0])
+    return Trial(faults_study(schedule, 1), numbers[0], CatalogueEntry("topics", parse_fault(line)), times[0])
 
 
 def left_behind(

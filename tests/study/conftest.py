@@ -15,7 +15,7 @@ from parcours.model.model_file import parse_model
 from parcours.model.structure import Cefsm
 from parcours.run.port import Component
 from parcours.study.components.process import end_programs
-from parcours.study.components.program import Program
+from parcours.study.components.program import ProgramComponent
 from parcours.study.components.systems import ProgramPart
 
 GENEROUS = 60.0
@@ -89,10 +89,10 @@ class Workshop:
 
     def bolt(
         self, source: str, patience: float = GENEROUS, values: Mapping[str, object] | None = None, **options: object
-    ) -> Program:
+    ) -> ProgramComponent:
         """Return the bolt that the program of this source is."""
         part = replace(self.part(source), **options)  # type: ignore[arg-type]
-        return Program(self.lock.component("Bolt"), part, values or {}, "a case", 7, patience)
+        return ProgramComponent(self.lock.component("Bolt"), part, values or {}, "a case", 7, patience)
 
     def reason(self, component: Component) -> str:
         """Return why the component fails when a message is delivered."""

@@ -14,7 +14,7 @@ from parcours.model.model_file import parse_model
 from parcours.model.structure import Cefsm, Field
 from parcours.run.hosts.node_program import Codec
 from parcours.study.carrying import require_carried, uncarried
-from parcours.study.components.messages import Messages
+from parcours.study.components.messages import ModelMessages
 from parcours.study.hosting import HostName, started
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Request
@@ -136,7 +136,7 @@ def test_classes_of_a_plain_study_travel_as_they_are_in_every_form_also_those_th
     from parcours.run.hosts.ros1.packing import Ros1Codec
 
     model = parse_model(TREE, "tree.yaml")
-    messages = Messages(model)
+    messages = ModelMessages(model)
     forms = {channel: messages.form(channel) or () for channel in messages.channels}
     for codec in (messages, Ros1Codec(forms, messages.flatten, messages.restore)):
         require_carried(model, plain, messages.specimens, codec)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from parcours.errors import HostFailure
-from parcours.study.components.program import Program
+from parcours.study.components.program import ProgramComponent
 from parcours.study.components.systems import ProgramPart
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def test_a_program_that_cannot_be_started_is_refused_at_once(
     (workshop.folder / "script").write_text("#!/no/such/interpreter\n")
     (workshop.folder / "script").chmod(0o755)
     with pytest.raises(HostFailure, match=rf"component Bolt: its program must .*{why}.*\[program-missing\]"):
-        Program(workshop.lock.component("Bolt"), ProgramPart(command, workshop.folder), {}, "", 0, 60.0)
+        ProgramComponent(workshop.lock.component("Bolt"), ProgramPart(command, workshop.folder), {}, "", 0, 60.0)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from parcours.abtc import serialise
 from parcours.model.picture import Paint, PaintState, to_svg
 from parcours.report.page import to_html
 from parcours.report.pieces import Figure, Marked, Page, Table
-from parcours.report.sequences import MOST, Step, sequence_chart
+from parcours.report.sequences import MOST, ChartRow, sequence_chart
 from parcours.study.components.sequence import steps_to_be
 from parcours.study.components.study import ComponentStudy
 from parcours.study.finding import find
@@ -98,6 +98,8 @@ def test_an_abstract_case_is_drawn_and_a_long_chart_keeps_its_end() -> None:
     assert [step.text for step in steps if step.kind == "deed"] == [event.transition for event in serialise(case)]
     senders = {(step.at.partition("#")[0], step.to.partition("#")[0]) for step in steps if step.to}
     assert ("Panel", "Cabin") in senders
-    chart = sequence_chart("long", [*(Step("deed", "<a>", f"t{k}") for k in range(MOST)), Step("wrong", "<a>", "<b>")])
+    chart = sequence_chart(
+        "long", [*(ChartRow("deed", "<a>", f"t{k}") for k in range(MOST)), ChartRow("wrong", "<a>", "<b>")]
+    )
     assert "&lt;b&gt;" in chart.svg and "<b>" not in chart.svg and f"The last {MOST} of {MOST + 1} steps" in chart.note
     assert ">t0<" not in chart.svg

@@ -16,7 +16,7 @@ import pytest
 
 from parcours.errors import HostFailure
 from parcours.study.components.process import end_programs
-from parcours.study.components.program import Program
+from parcours.study.components.program import ProgramComponent
 
 if TYPE_CHECKING:
     from tests.study.conftest import Workshop
@@ -52,7 +52,7 @@ time.sleep(1000)
 """
 
 
-def pid_of(component: Program) -> int:
+def pid_of(component: ProgramComponent) -> int:
     [(_, pid)] = next(component.handle("push", "", 0)).sends
     assert isinstance(pid, int)
     return pid
@@ -181,7 +181,7 @@ def test_helpers_end_with_their_program(workshop: Workshop) -> None:
     assert ends(helper)
 
 
-def in_another_process(line: Connection, component: Program, workshop: Workshop) -> None:
+def in_another_process(line: Connection, component: ProgramComponent, workshop: Workshop) -> None:
     own = workshop.bolt(SOUND)
     line.send((workshop.reason(component), pid_of(own)))
     own.close()

@@ -18,7 +18,7 @@ from parcours.run.in_process import execute
 from parcours.run.port import Component
 from parcours.study.components.executing import in_process
 from parcours.study.components.process import end_programs
-from parcours.study.components.program import Program
+from parcours.study.components.program import ProgramComponent
 from parcours.study.components.study import ComponentStudy
 from parcours.study.components.tester import prompted
 from parcours.study.study_file import read_study
@@ -176,7 +176,7 @@ def executed(workshop: Workshop, source: str) -> Execution:
     cases = [case for case in abstract_cases(workshop.lock) if case.interaction.components[0] == "Key"]
 
     def made(name: str) -> Component:
-        return Program(workshop.lock.component(name), parts[name], {}, "lock", 1, WAIT)
+        return ProgramComponent(workshop.lock.component(name), parts[name], {}, "lock", 1, WAIT)
 
     return execute(
         serialise(cases[0]), made, lambda event: {"word": 1},

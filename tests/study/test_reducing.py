@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.study.reducing import Reduced, Shape, reduce
+from parcours.study.reducing import CaseShape, Reduced, reduce
 
-SHAPE = Shape(lists=("discs", "only"), optional=("noise",), times=(("limit",),), zero=("turn",), fixed=("robot",))
+SHAPE = CaseShape(lists=("discs", "only"), optional=("noise",), times=(("limit",),), zero=("turn",), fixed=("robot",))
 
 
 def case(seed: int) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from parcours.data import split
 from parcours.data.inputs import InputModel
 from parcours.errors import BadRequest
 from parcours.study.finding import find
-from parcours.study.gate import Judged
+from parcours.study.gate import JudgedResults
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Request
 from parcours.study.table_files import sql, write_csv, write_parquet
@@ -181,5 +181,5 @@ def test_blocks_of_inputs_stand_beside_their_values() -> None:
 
 def test_verdicts_without_reasons_are_those_of_the_cases(ramp: Path) -> None:
     results = find("ramp_system").read(ramp)
-    assert isinstance(results, Judged)
+    assert isinstance(results, JudgedResults)
     assert results.verdict_counts() == Counter(one.verdict for one in results.cases())

@@ -7,7 +7,7 @@ import pytest
 from parcours.errors import BadModel
 from parcours.model import parse_model
 from parcours.model.structure import Cefsm
-from parcours.study.components.messages import Messages
+from parcours.study.components.messages import ModelMessages
 from parcours.study.components.selecting import Selection, select_cases, short_runs
 from parcours.study.components.stimuli import Chooser
 
@@ -49,7 +49,7 @@ components:
 
 def selected(text: str, criterion: str = "edge") -> tuple[Cefsm, Selection]:
     model = parse_model(text, "m.yaml")
-    return model, select_cases(model, criterion, "", Chooser(model, Messages(model), {}, {}, {}))
+    return model, select_cases(model, criterion, "", Chooser(model, ModelMessages(model), {}, {}, {}))
 
 
 def test_tours_that_no_values_allow_are_replaced_by_short_runs_that_take_all_they_would() -> None:
@@ -65,7 +65,7 @@ def test_every_case_that_is_kept_has_values_under_which_its_guards_hold() -> Non
     from parcours.abtc import serialise
 
     model, found = selected(ALTERNATING_BIT)
-    chooser = Chooser(model, Messages(model), {}, {}, {})
+    chooser = Chooser(model, ModelMessages(model), {}, {}, {})
     assert all(not chooser.stimuli(serialise(case), {}).infeasible for case in found.cases.values())
 
 

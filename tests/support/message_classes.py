@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from parcours.run.binding.message_types import MessageTypes, Slot, slot_of
+from parcours.run.binding.message_types import FieldType, MessageTypes, slot_of
 
 _FIELD = re.compile(r"(?P<type>[\w/]+)(?P<array>\[\d*\])?\s+(?P<name>\w+)\s*(?P<constant>=.*)?")
 
@@ -35,9 +35,9 @@ def defined_types(definitions: Mapping[str, str]) -> MessageTypes:
             classes[name] = _class(name, fields)
         return classes.get(name)
 
-    def start(slot: Slot) -> object:
+    def start(slot: FieldType) -> object:
         if slot.length is not None:
-            return [start(Slot(slot.item)) for _ in range(slot.length)]
+            return [start(FieldType(slot.item)) for _ in range(slot.length)]
         if slot.is_message:
             kind = find(slot.item)
             return kind() if kind else None

@@ -16,7 +16,7 @@ from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.conformance import Checker, check
 from parcours.verdict.conformance.tracking import Observes
 from parcours.verdict.judgement import Verdict
-from parcours_ramp.planner.messages import Step
+from parcours_ramp.planner.messages import PlannerStep
 
 MS = 1_000_000
 
@@ -176,14 +176,16 @@ class Part:
 
     name = "part"
 
-    def __init__(self, poll: tuple[Step, ...] = (), message: tuple[Step, ...] = (), after: float = 0.0) -> None:
+    def __init__(
+        self, poll: tuple[PlannerStep, ...] = (), message: tuple[PlannerStep, ...] = (), after: float = 0.0
+    ) -> None:
         self._poll, self._message, self._after = poll, message, after
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
         sleep(self._after)
         yield from self._poll if channel is None else self._message
 
-    def wake(self, now: int) -> Iterator[Step]:
+    def wake(self, now: int) -> Iterator[PlannerStep]:
         yield from ()
 
     def next_wake(self) -> int | None:
@@ -195,14 +197,14 @@ class Part:
 
 def gated(server: Part) -> Trace:
     case = next(case for case in abstract_cases(SHOP) if "keep" not in str(serialise(case)))
-    client = Part((Step("put", (("ask", "a"),)),), (Step("get"),))
+    client = Part((PlannerStep("put", (("ask", "a"),)),), (PlannerStep("get"),))
     made = {"Client": client, "Server": server}
     done = execute(serialise(case), lambda name: made[name], lambda event: "", clock=WallClock())
     assert done.completed == (done.trace.events[-1].kind != "deviation")
     return done.trace
 
 
-HEAR, ANSWER = Step("hear"), Step("answer", (("reply", "r"),))
+HEAR, ANSWER = PlannerStep("hear"), PlannerStep("answer", (("reply", "r"),))
 
 
 def test_a_component_that_is_silent_at_its_turn_fails_where_the_model_wants_an_answer() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from parcours.model import parse_model
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.conformance import check
 from parcours.verdict.contracts import Contracts, judged
@@ -52,8 +52,8 @@ def trip(target: int, variables: dict[str, object] | None = None) -> list[TraceE
     reply = {"way": [{"v": 1.0}, {"v": -2.0}], "place": target}
     return [
         TraceEvent(0, "receive", "Cart#0", channel="ask", payload={"target": target}),
-        TraceEvent(1, "take", "Cart#0", "c1", payload=Reported(known, ("log",))),
-        TraceEvent(2, "take", "Cart#0", "c2", payload=Reported(known, ())),
+        TraceEvent(1, "take", "Cart#0", "c1", payload=StepReport(known, ("log",))),
+        TraceEvent(2, "take", "Cart#0", "c2", payload=StepReport(known, ())),
         TraceEvent(2, "send", "Cart#0", channel="reply", payload=reply),
         TraceEvent(2, "send", "Cart#0", channel="note", payload={"target": target}),
     ]
@@ -87,11 +87,15 @@ def test_sound_trips_break_nothing_and_everything_is_judged() -> None:
         (3, lambda m: {**m, "wrong": 1}, "it must be a Track, which has no 'wrong'"),
         (3, lambda m: {**m, "place": 4}, "it.place is 4, but must be == request.target is 3"),
         (4, lambda m: {"target": 4}, "message note of c2: target must be at, which is 3, but is 4"),
-        (1, lambda r: Reported({**r.variables, "at": 4}, r.operations), "at must be 3 after it, but is reported as 4"),
-        (1, lambda r: Reported({**r.variables, "ready": False}, r.operations), "guard of c1: ready is false, so"),
-        (1, lambda r: Reported(r.variables, ()), "performs log, but the component reports none"),
-        (2, lambda r: Reported({**r.variables, "trips": 1}, ()), "leaves trips at 0, but the component reports 1"),
-        (2, lambda r: Reported(r.variables, ("log",)), "performs none, but the component reports log"),
+        (
+            1,
+            lambda r: StepReport({**r.variables, "at": 4}, r.operations),
+            "at must be 3 after it, but is reported as 4",
+        ),
+        (1, lambda r: StepReport({**r.variables, "ready": False}, r.operations), "guard of c1: ready is false, so"),
+        (1, lambda r: StepReport(r.variables, ()), "performs log, but the component reports none"),
+        (2, lambda r: StepReport({**r.variables, "trips": 1}, ()), "leaves trips at 0, but the component reports 1"),
+        (2, lambda r: StepReport(r.variables, ("log",)), "performs none, but the component reports log"),
     ],
 )
 def test_a_planted_fault_is_named_with_its_values(k: int, change: Callable[[object], object], said: str) -> None:
@@ -147,7 +151,7 @@ components:
           drain: {from: idle, to: idle, guard: level >= 3}
 """)
     for level, said in ((2, ""), (7, 'fill excludes drain: level is 7, so "level >= 3" of drain holds, too')):
-        told = Reported({"level": level}, ())  # whether it was ready is not reported: its own guard cannot be judged
+        told = StepReport({"level": level}, ())  # whether it was ready is not reported: its own guard cannot be judged
         taken = TraceEvent(0, "take", "Pump#0", "fill", payload=told)
         violation, _ = Contracts(model).judge(Trace("simulated", (taken,)))
         assert said in str(violation or "") and bool(said) == bool(violation)

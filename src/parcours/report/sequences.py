@@ -27,7 +27,7 @@ _INK = {"message": "var(--ink,#1c2430)", "deed": "var(--c1,#0072b2)", "lost": "v
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ChartRow:
     """One row of a chart: a message from one lifeline to another, or what happens at one; held: until its turn came."""
 
     kind: StepKind
@@ -37,7 +37,7 @@ class Step:
     held: bool = False
 
 
-def sequence_chart(title: str, steps: Sequence[Step], note: str = "") -> Figure:
+def sequence_chart(title: str, steps: Sequence[ChartRow], note: str = "") -> Figure:
     """Return the chart of some steps, in their order; lifelines stand in the order in which they are met."""
     shown = steps[-MOST:]
     lines = list(dict.fromkeys(name for step in shown for name in (step.at, step.to) if name))
@@ -47,11 +47,11 @@ def sequence_chart(title: str, steps: Sequence[Step], note: str = "") -> Figure:
     return Figure(title, lambda: _svg(lines, shown), alt, note)
 
 
-def _said(step: Step) -> str:
+def _said(step: ChartRow) -> str:
     return f"{step.at} to {step.to}: {step.text}" if step.to else f"{step.at}: {step.text}"
 
 
-def _svg(lines: Sequence[str], steps: Sequence[Step]) -> str:
+def _svg(lines: Sequence[str], steps: Sequence[ChartRow]) -> str:
     across = {name: 70 + _WIDE * k for k, name in enumerate(lines)}
     wide, high = max(70 + _WIDE * len(lines), 420), _HEAD + _HIGH * (len(steps) + 1)
     parts = []
@@ -67,7 +67,7 @@ def _svg(lines: Sequence[str], steps: Sequence[Step]) -> str:
     )
 
 
-def _message(step: Step, across: dict[str, int], y: int) -> str:
+def _message(step: ChartRow, across: dict[str, int], y: int) -> str:
     start, end = across[step.at], across[step.to]
     side = 1 if end > start else -1
     dashes = ' stroke-dasharray="5 3"' if step.held else ""
@@ -79,7 +79,7 @@ def _message(step: Step, across: dict[str, int], y: int) -> str:
     )
 
 
-def _deed(step: Step, across: dict[str, int], y: int, wide: int) -> str:
+def _deed(step: ChartRow, across: dict[str, int], y: int, wide: int) -> str:
     x, ink = across[step.at], _INK[step.kind]
     if step.kind == "wrong":
         return (

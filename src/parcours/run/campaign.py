@@ -47,8 +47,12 @@ class Prepares(Protocol):
         """Load or compile what every case needs; return whether all of it is ours, so that a fork may share it."""
 
 
+class Interrupted(Exception):
+    """The user stopped the runs; what was finished is in the folder."""
+
+
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CampaignOutcome:
     """How far a campaign came."""
 
     store: Store
@@ -80,7 +84,7 @@ class Outcome:
 def run_campaign(
     simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None,
     enough: Enough | None = None, rules: Sequence[str] = (), max_time: float | None = None, address: str = "",
-) -> Outcome:  # fmt: skip
+) -> CampaignOutcome:  # fmt: skip
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C, SIGTERM or SIGHUP ends it early.
 
     Shards that are damaged count as missing.
@@ -133,7 +137,7 @@ def run_campaign(
 def _run(
     function: Simulate, sent: Simulate | str, store: Store, workers: int, progress: Progress | None,
     enough: Enough | None, rules: tuple[str, ...], max_time: float | None, address: str,
-) -> Outcome:  # fmt: skip
+) -> CampaignOutcome:  # fmt: skip
     folder, campaign = store.folder, store.campaign
     order = _InOrder(store, enough, _may_stop(store, rules))
     missing = () if order.is_enough() else store.missing()
@@ -162,15 +166,15 @@ def _run(
             stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
             stop.write(folder, campaign)
             why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
-            return Outcome(store, store.planned, interrupted=False, stopped=why)
-        return Outcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
+            return CampaignOutcome(store, store.planned, interrupted=False, stopped=why)
+        return CampaignOutcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
     finally:
         sweep(folder)  # of what a stopped worker left half-written
     if order.is_enough():
         replace(order.stop, cases=campaign.cases(order.next - 1).stop).write(folder, campaign)
         store.discard(campaign.shards[order.next :])
-        return Outcome(store, store.planned, interrupted=False, stopped=order.why)
-    return Outcome(store, finished, interrupted=False)
+        return CampaignOutcome(store, store.planned, interrupted=False, stopped=order.why)
+    return CampaignOutcome(store, finished, interrupted=False)
 
 
 def _may_stop(store: Store, rules: tuple[str, ...]) -> Stop:

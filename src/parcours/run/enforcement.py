@@ -16,7 +16,7 @@ from typing import Protocol
 from parcours.abtc import Event
 from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName, uninterrupted
-from parcours.run.instance import Outcome
+from parcours.run.instance import TurnOutcome
 from parcours.run.port import ENVIRONMENT, Send
 from parcours.run.trace import BESIDE, SHOWN, Kind, Trace, TraceEvent
 
@@ -63,7 +63,7 @@ class Instances(Protocol):
     def grant(self, turns: Sequence[Turn]) -> None:
         """Let an instance take these turns, all of one reference, one after the other."""
 
-    def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
+    def outcomes(self, patience: int) -> Sequence[tuple[int, TurnOutcome]]:
         """Return (reference, outcome) of turns that are over, in each one's order; nothing after `patience` [ns]."""
 
     def views(self) -> dict[int, tuple[str, object]]:
@@ -306,7 +306,7 @@ class _Enforcement:
                 continue  # after a turn that came out otherwise there is nothing to compare with
             self._judge(self._granted[reference].popleft(), outcome)
 
-    def _judge(self, turn: Turn, outcome: Outcome) -> None:
+    def _judge(self, turn: Turn, outcome: TurnOutcome) -> None:
         event = turn.event
         for time, (channel, payload), sends in outcome.settled:
             number = self._number()
@@ -336,7 +336,7 @@ class _Enforcement:
         for time, (channel, payload) in asides:
             self._record("send", event, time, channel=channel, message=self._number(), payload=payload)
 
-    def _emit(self, event: Event, outcome: Outcome) -> None:
+    def _emit(self, event: Event, outcome: TurnOutcome) -> None:
         """Put what was sent into its gate, or hand it to the tester; the channels must be those demanded."""
         bound = {emission.channel: emission for emission in event.sends}
         for channel, payload in outcome.sends:

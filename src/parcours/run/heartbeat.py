@@ -139,7 +139,7 @@ def leave() -> None:
     enter(NO_CASE, math.inf)
 
 
-class Watch:
+class WorkerWatch:
     """The parent's view of one worker: how often it was found at the same place.
 
     Looks are counted, not seconds, so that a campaign that is stopped as a whole (Ctrl-Z) does not count as hung.

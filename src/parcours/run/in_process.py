@@ -10,7 +10,7 @@ from parcours.abtc import Event
 from parcours.errors import ParcoursError
 from parcours.run.clocks import Clock, ClockName, SimulatedClock
 from parcours.run.enforcement import Execution, Turn, enforce
-from parcours.run.instance import Begin, Instance, Outcome
+from parcours.run.instance import Begin, Instance, TurnOutcome
 from parcours.run.port import Component, Send, Step
 
 Prompt = Callable[[Event, Component, int], Iterator[Step]]
@@ -81,7 +81,7 @@ class _Here:
         self._view, self._beside = view, beside
         self._instances: dict[int, Instance] = {}
         self._unmade: dict[int, Exception] = {}
-        self._outcomes: list[tuple[int, Outcome]] = []
+        self._outcomes: list[tuple[int, TurnOutcome]] = []
         self.label: str = "here"
         self.clock: ClockName = clock.name
 
@@ -113,10 +113,10 @@ class _Here:
             with self._watch(turn.event):
                 outcome = self._turn(turn)
         except Exception as error:
-            outcome = Outcome("raised", self._clock.now(), text=f"{type(error).__name__}: {error}")
+            outcome = TurnOutcome("raised", self._clock.now(), text=f"{type(error).__name__}: {error}")
         self._outcomes.append((turn.event.reference, outcome))
 
-    def _turn(self, turn: Turn) -> Outcome:
+    def _turn(self, turn: Turn) -> TurnOutcome:
         if turn.event.reference in self._unmade:
             raise self._unmade[turn.event.reference]
         event, part = turn.event, self._instances[turn.event.reference]
@@ -149,7 +149,7 @@ class _Here:
     def _handing(component: Component, message: Send) -> Begin:
         return lambda now: component.handle(*message, now)
 
-    def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
+    def outcomes(self, patience: int) -> Sequence[tuple[int, TurnOutcome]]:
         over, self._outcomes = self._outcomes, []
         self._tick()
         return over

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from parcours.run.clocks import Clock
-from parcours.run.port import Component, Reported, Send, Step, reported
+from parcours.run.port import Component, Send, Step, StepReport, reported
 
 Begin = Callable[[int], Iterator[Step]]
 """Starts work at a time [ns]: hands a message over, or prompts."""
@@ -23,7 +23,7 @@ Manner = Literal["taken", "unasked", "nothing", "raised"]
 raised: the component broke the port's contract."""
 
 
-class Settled(NamedTuple):
+class HandedOver(NamedTuple):
     """A message that was handed over before a turn, beside the awaited one, and what the component sent upon it."""
 
     time: int
@@ -32,7 +32,7 @@ class Settled(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TurnOutcome:
     """What came of a turn.
 
     Attributes:
@@ -55,8 +55,8 @@ class Outcome:
     received: int = -1
     asides: tuple[tuple[int, Send], ...] = ()
     text: str = ""
-    reported: Reported | None = None
-    settled: tuple[Settled, ...] = ()
+    reported: StepReport | None = None
+    settled: tuple[HandedOver, ...] = ()
     early: int = 0
 
 
@@ -71,7 +71,7 @@ class Instance:
 
     def turn(
         self, transition: str, clock: Clock, *, message: Begin | None = None, prompt: Begin | None = None
-    ) -> Outcome:
+    ) -> TurnOutcome:
         """Take one transition.
 
         Args:
@@ -95,18 +95,18 @@ class Instance:
                 step = self._prompted(prompt, clock)
         except Exception as error:
             text = f"{type(error).__name__}: {error}"
-            return Outcome("raised", clock.now(), received=received, asides=tuple(self._asides), text=text)
+            return TurnOutcome("raised", clock.now(), received=received, asides=tuple(self._asides), text=text)
         if step is None:
-            return Outcome("nothing", clock.now(), received=received, asides=tuple(self._asides))
+            return TurnOutcome("nothing", clock.now(), received=received, asides=tuple(self._asides))
         return self._outcome("taken", clock, step, received)
 
-    def settle(self, begin: Begin, message: Send, clock: Clock) -> Settled:
+    def settle(self, begin: Begin, message: Send, clock: Clock) -> HandedOver:
         """Do at once what `begin` starts, the handing over of a message: it puts the instance where a case wants it.
 
         Work under way stays; transitions that are taken are passed over, what is sent with them is not.
         """
         now = clock.now()
-        return Settled(now, message, tuple(send for step in begin(now) for send in step.sends))
+        return HandedOver(now, message, tuple(send for step in begin(now) for send in step.sends))
 
     def close(self) -> None:
         """Let go of what the component holds, if it holds anything: a process, a thread."""
@@ -115,8 +115,8 @@ class Instance:
         if close is not None:
             close()
 
-    def _outcome(self, manner: Manner, clock: Clock, step: Step, received: int = -1) -> Outcome:
-        return Outcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides),
+    def _outcome(self, manner: Manner, clock: Clock, step: Step, received: int = -1) -> TurnOutcome:
+        return TurnOutcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides),
                        reported=reported(step), early=self._early)  # fmt: skip
 
     def _prompted(self, prompt: Begin, clock: Clock) -> Step | None:

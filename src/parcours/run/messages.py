@@ -19,7 +19,7 @@ def packed(message: tuple[str, object]) -> bytes:
     return _MARK + _LENGTH.pack(len(content)) + content
 
 
-class Messages:
+class LineMessages:
     """What has come through a line."""
 
     def __init__(self) -> None:

@@ -14,13 +14,13 @@ from typing import NamedTuple, Protocol
 from parcours.errors import BadRequest
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
 
-__all__ = ["ENVIRONMENT", "Component", "Link", "LinkKind", "Reported", "Send", "Step", "links", "reported"]
+__all__ = ["ENVIRONMENT", "Component", "Link", "LinkKind", "Send", "Step", "StepReport", "links", "reported"]
 
 Send = tuple[str, object]
 """What leaves a component: (channel, payload)."""
 
 
-class Reported(NamedTuple):
+class StepReport(NamedTuple):
     """What a component says of itself with a transition that it took, so that guards and actions can be judged.
 
     `variables` are the model's: of inputs the value that the guard read, of others the value after the transition.
@@ -31,10 +31,10 @@ class Reported(NamedTuple):
     operations: tuple[str, ...] | None = None
 
 
-def reported(step: object) -> Reported | None:
+def reported(step: object) -> StepReport | None:
     """Return what a step reports: its attribute of that name; None if it has none."""
     found = getattr(step, "reported", None)
-    return found if isinstance(found, Reported) else None
+    return found if isinstance(found, StepReport) else None
 
 
 class Step(Protocol):

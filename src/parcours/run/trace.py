@@ -18,7 +18,7 @@ from parcours.errors import BadResults
 from parcours.run.atomic import write_atomically
 from parcours.run.clocks import ClockName
 from parcours.run.noise import Noise, noise_of
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 
 Kind = Literal["take", "send", "receive", "hold", "release", "drop", "deviation", "note"]
 """take: a transition was completed. send, receive: a message left its sender, was taken up. hold, release: a
@@ -142,7 +142,7 @@ def held(trace: Trace) -> dict[int, int]:
 
 def told(event: TraceEvent) -> str:
     """Return what stands for an event's text in a file: with a transition, as JSON, what its component reported."""
-    if not isinstance(event.payload, Reported):
+    if not isinstance(event.payload, StepReport):
         return event.text
     said = {"variables": dict(event.payload.variables), "operations": event.payload.operations}
     return f"{_REPORTED}{json.dumps(said)}"
@@ -159,7 +159,7 @@ def retold(event: TraceEvent) -> TraceEvent:
         said = msgspec.json.decode(event.text.removeprefix(_REPORTED), type=_Told)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(f"no report of a component: {event.text[:60]!r}") from error
-    return replace(event, text="", payload=Reported(said.variables, said.operations))
+    return replace(event, text="", payload=StepReport(said.variables, said.operations))
 
 
 class Row:

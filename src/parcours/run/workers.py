@@ -30,9 +30,9 @@ from typing import Any, Generic, Literal, TypeVar
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run import canaries as canaries
-from parcours.run.heartbeat import POLL, LostCase, Watch, new_block, share, write_place
+from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, new_block, share, write_place
 from parcours.run.keeper import can_keep, keep, memory_for_each
-from parcours.run.messages import Messages, packed
+from parcours.run.messages import LineMessages, packed
 from parcours.run.raised import described
 
 R = TypeVar("R")
@@ -106,12 +106,12 @@ class _Worker:
         os.set_blocking(self.said.fileno(), False)
         # A descriptor of the process itself: the line is kept open by whatever it has started.
         self.ended: int = os.pidfd_open(self.process.pid) if can_keep() else self.process.sentinel
-        self.watch = Watch(block, self.said.fileno(), crew.patience)
+        self.watch = WorkerWatch(block, self.said.fileno(), crew.patience)
         self.key: int | None = None
         self.n_items = 0
         self.hung = False
         self._own_group, self._strangers = crew.own_group, crew.strangers
-        self._messages = Messages()
+        self._messages = LineMessages()
 
     def start(self, key: int, item: tuple[Any, ...]) -> None:
         self.key = key

@@ -32,7 +32,7 @@ Check = Callable[[str, Path], tuple[Sequence[Finding], Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedText:
     """What is known of a text from looking at it."""
 
     model: Cefsm | None = None  # the text's own, or that of the study or binding that it is
@@ -40,7 +40,7 @@ class Checked:
     pictures: Sequence[tuple[str, str]] = ()  # of another thing than a model: a title and an <svg>
 
 
-def checked(folder: Folder, path: str, text: str) -> Checked:
+def checked(folder: Folder, path: str, text: str) -> CheckedText:
     """Return what `model check`, `binding check` or reading the file would find, with what there is to draw.
 
     Args:
@@ -49,21 +49,21 @@ def checked(folder: Folder, path: str, text: str) -> Checked:
     kind, full = kind_of(text), folder.root / path
     if kind == "model":
         read = check_text(text, path)
-        return Checked(read.model, read.findings)
+        return CheckedText(read.model, read.findings)
     if kind == "data":
         from parcours.data.schema import parse_input_model
 
         try:
             parse_input_model(text, path)
         except ParcoursError as error:
-            return Checked(findings=[finding_of(error, path)])
-        return Checked()
+            return CheckedText(findings=[finding_of(error, path)])
+        return CheckedText()
     points = {point.name: point for point in entry_points(group=GROUP)}
     if kind not in ("study", "binding", *points):
-        return Checked()
+        return CheckedText()
     outside = tuple(_outside(folder, path, text))
     if outside:
-        return Checked(findings=outside)
+        return CheckedText(findings=outside)
     pictures: Sequence[tuple[str, str]] = ()
     model, findings = None, cast(Sequence[Finding], ())
     if kind == "study":
@@ -77,7 +77,7 @@ def checked(folder: Folder, path: str, text: str) -> Checked:
     else:
         check: Check = points[kind].load()
         findings, pictures = check(text, full)
-    return Checked(
+    return CheckedText(
         model if isinstance(model, Cefsm) else None, tuple(_named(folder, one) for one in findings), pictures
     )
 
@@ -91,7 +91,7 @@ def require_sound(folder: Folder, path: str) -> None:
         raise complaint(errors)
 
 
-def pictures_of(one: Checked) -> list[dict[str, object]]:
+def pictures_of(one: CheckedText) -> list[dict[str, object]]:
     """Return what is drawn beside a text: its machines, or the pictures that its kind has."""
     if one.model is not None:
         return drawings(one.model)

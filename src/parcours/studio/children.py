@@ -99,7 +99,7 @@ class _Running:
     reading: asyncio.Task[None] | None = field(default=None, repr=False)
 
 
-class Runs:
+class StudioRuns:
     """The runs that the studio has started, by their folder; they end with it."""
 
     def __init__(self, folder: Folder) -> None:

@@ -33,7 +33,7 @@ _DEPTH, _MOST_SEEN, _MOST_LISTED = 8, 20_000, 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class FolderEntry:
     """Something in the folder: its path from there, and what it is."""
 
     path: str
@@ -41,7 +41,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class FileText:
     """The text of a file, and the version that a change of it must name."""
 
     text: str
@@ -55,9 +55,9 @@ class Folder:
         self.root = root.resolve()
         self._saving = threading.Lock()
 
-    def entries(self) -> tuple[list[Entry], bool]:
+    def entries(self) -> tuple[list[FolderEntry], bool]:
         """Return the YAML files and folders of results, by path, and whether that is all of them."""
-        found: list[Entry] = []
+        found: list[FolderEntry] = []
         left = _MOST_SEEN
         waiting = [("", 0)]
         while waiting and left > 0 and len(found) < _MOST_LISTED:
@@ -66,7 +66,7 @@ class Folder:
                 inside = sorted((one for one in scan if _is_shown(one.name)), key=lambda one: one.name)
                 left -= len(inside)
                 if place and any(one.name in RESULTS and one.is_file(follow_symlinks=False) for one in inside):
-                    found.append(Entry(place, "run"))
+                    found.append(FolderEntry(place, "run"))
                     continue
                 for one in inside:
                     path = f"{place}/{one.name}" if place else one.name
@@ -75,10 +75,10 @@ class Folder:
                     elif one.name.endswith(SUFFIXES) and one.is_file(follow_symlinks=False):
                         with contextlib.suppress(BadRequest):
                             head = self.read(path, _HEAD, cut=True).decode(errors="replace")
-                            found.append(Entry(path, kind_of(head)))
+                            found.append(FolderEntry(path, kind_of(head)))
         return sorted(found, key=lambda one: one.path)[:_MOST_LISTED], not waiting and len(found) <= _MOST_LISTED
 
-    def text(self, path: str) -> Text:
+    def text(self, path: str) -> FileText:
         """Return the text of a YAML file.
 
         Raises BadRequest: there is none of that path in the folder, it is too large, or no UTF-8.
@@ -87,7 +87,7 @@ class Folder:
             raise _absent(path)
         content = self.read(path, MAX_BYTES)
         try:
-            return Text(content.decode(), _version(content))
+            return FileText(content.decode(), _version(content))
         except UnicodeDecodeError:
             raise BadRequest(path, "a file must be UTF-8 text, but is not", slug="studio-file") from None
 

@@ -37,7 +37,7 @@ HEADERS = {
 """What every answer tells the browser: run and load nothing but the studio's own files."""
 
 
-class Guard:
+class TokenGuard:
     """Lets requests through to an application that come from the browser that was given the token."""
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:

@@ -25,9 +25,9 @@ from starlette.routing import Route
 from parcours.errors import BadRequest, ParcoursError
 from parcours.paths import CRITERIA
 from parcours.studio.checking import checked, drawings, pictures_of, require_sound
-from parcours.studio.children import Runs, answer_of, lines_of
+from parcours.studio.children import StudioRuns, answer_of, lines_of
 from parcours.studio.folder import Folder, kind_of
-from parcours.studio.guarding import Guard
+from parcours.studio.guarding import TokenGuard
 from parcours.studio.stepping import planned
 from parcours.studio.watching import PERIOD, Watched, code_in, study_behind, summary
 from parcours.study.finding import registered
@@ -49,11 +49,11 @@ class Studio:
 
     def __init__(self, folder: Folder) -> None:
         self.folder = folder
-        self.runs = Runs(folder)
+        self.runs = StudioRuns(folder)
         self.closing = False
         self._watchers = 0
 
-    def app(self, token: str, port: int) -> Guard:
+    def app(self, token: str, port: int) -> TokenGuard:
         """Return the application, which answers the browser that was given the token."""
         answers: dict[tuple[str, str], Callable[[Request], Awaitable[object]]] = {
             ("GET", "files"): self.files, ("GET", "file"): self.file, ("PUT", "file"): self.save,
@@ -65,7 +65,7 @@ class Studio:
                   for (method, name), answer in answers.items()]  # fmt: skip
         routes += [Route(f"/{name}", functools.partial(_own, name)) for name in _OWN]
         routes.append(Route("/api/watch", self.watch))
-        return Guard(Starlette(routes=routes, exception_handlers={ParcoursError: _refused}), token, port)
+        return TokenGuard(Starlette(routes=routes, exception_handlers={ParcoursError: _refused}), token, port)
 
     async def files(self, request: Request) -> object:
         """Return what the folder holds: files, and runs with what they say of themselves."""

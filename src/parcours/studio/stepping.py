@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from parcours.abtc import AbstractCase, find_case, serialise
 from parcours.errors import BadRequest, ParcoursError
 from parcours.model import Cefsm
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 from parcours.run.trace import Trace, TraceEvent
 
 _MOST = 20_000  # events that are shown
@@ -60,7 +60,7 @@ def _happened(trace: Trace) -> Iterator[dict[str, object]]:
 
 def _said(event: TraceEvent) -> str:
     """Return the text of an event, or in words what its component reported."""
-    if not isinstance(event.payload, Reported):
+    if not isinstance(event.payload, StepReport):
         return event.text
     parts = [f"{name} = {value}" for name, value in event.payload.variables.items()]
     return ", ".join([*parts, *(event.payload.operations or ())])

@@ -22,7 +22,7 @@ from parcours.run.store import MANIFEST, Store, open_results
 from parcours.studio.folder import Folder
 from parcours.study.components.results import FILE as COMPONENTS
 from parcours.study.finding import find, registered
-from parcours.study.gate import Judged
+from parcours.study.gate import JudgedResults
 from parcours.study.journal import CASES, RUN, read_question
 from parcours.study.protocol import Results, Study
 from parcours.study.summing import Caused
@@ -146,7 +146,7 @@ class Watched:
 
 def _summed(results: Results) -> tuple[int, Counter[str], Sequence[CaseResult]]:
     """Return how many cases there are, how many have each verdict, and the last that did not pass."""
-    if not (isinstance(results, Judged) and isinstance(results, Caused)):
+    if not (isinstance(results, JudgedResults) and isinstance(results, Caused)):
         cases = results.cases()
         failed = [one for one in cases if one.verdict is not Verdict.PASS]
         return len(cases), Counter(str(one.verdict) for one in cases), failed[-_LATEST:]

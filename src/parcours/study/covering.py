@@ -39,7 +39,7 @@ _WINDOW = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class Goal:
+class CoverageGoal:
     """One thing to cover."""
 
     name: str
@@ -48,7 +48,7 @@ class Goal:
     missing: tuple[str, ...]  # the first of what is missing, in words
 
 
-def coverage(results: Mapping[str, Results]) -> list[Goal]:
+def coverage(results: Mapping[str, Results]) -> list[CoverageGoal]:
     """Return what the cases of several results, by folder, cover together.
 
     Raises BadRequest: some know nothing of their inputs, or they are of different inputs.
@@ -68,19 +68,19 @@ def coverage(results: Mapping[str, Results]) -> list[Goal]:
     goals = []
     if first.inputs.domains:
         blocks = cover(first.inputs, values)
-        goals.append(Goal("blocks, each", blocks.n_blocks, blocks.n_hit, blocks.uncovered))
+        goals.append(CoverageGoal("blocks, each", blocks.n_blocks, blocks.n_hit, blocks.uncovered))
     if len(first.inputs.domains) > 1:
         pairs = measure(values, first.inputs, 2)
-        goals.append(Goal("blocks, pairs", pairs.n_wanted, pairs.n_held, pairs.missing))
+        goals.append(CoverageGoal("blocks, pairs", pairs.n_wanted, pairs.n_held, pairs.missing))
     for name, (words, _) in first.classes.items():
         seen = np.concatenate([one.classes[name][1] for one in every])
         absent = tuple(word for word in words if word not in set(seen.tolist()))
-        goals.append(Goal(f"{name}, each", len(words), len(words) - len(absent), absent))
+        goals.append(CoverageGoal(f"{name}, each", len(words), len(words) - len(absent), absent))
         if name == first.crossed and first.inputs.domains:
             parts = {word: cover(first.inputs, values[seen == word]) for word in words}
             missing = tuple(f"{word}: {block}" for word, part in parts.items() for block in part.uncovered)
             wanted = sum(part.n_blocks for part in parts.values())
-            goals.append(Goal(f"{name} x blocks", wanted, wanted - len(missing), missing))
+            goals.append(CoverageGoal(f"{name} x blocks", wanted, wanted - len(missing), missing))
     return goals
 
 

@@ -200,7 +200,7 @@ class _Proposal:
         return bool((self.spread < _SETTLED).all())
 
 
-class Draws:
+class UniformDraws:
     """Uniform numbers of one stream, each once."""
 
     def __init__(self, seed: int, stream: int = 0, purpose: int = _PURPOSE) -> None:
@@ -214,7 +214,7 @@ class Draws:
         return found
 
 
-class _Points(Draws):
+class _Points(UniformDraws):
     """Points of the cube that meet the constraints."""
 
     def __init__(self, seed: int, cube: Cube) -> None:

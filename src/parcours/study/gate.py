@@ -186,7 +186,7 @@ def check_conditions(conditions: Sequence[GateCondition], results: Results) -> l
 
 
 @runtime_checkable
-class Judged(Protocol):
+class JudgedResults(Protocol):
     """Results that know the verdicts of their cases without wording a reason for each."""
 
     def case_verdicts(self) -> Sequence[Verdict]:
@@ -198,7 +198,11 @@ class Judged(Protocol):
 
 def verdicts_of(results: Results) -> Counter[Verdict]:
     """Return how many cases of results have each verdict."""
-    return results.verdict_counts() if isinstance(results, Judged) else Counter(one.verdict for one in results.cases())
+    return (
+        results.verdict_counts()
+        if isinstance(results, JudgedResults)
+        else Counter(one.verdict for one in results.cases())
+    )
 
 
 @dataclass(frozen=True, slots=True)

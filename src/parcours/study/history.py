@@ -21,7 +21,7 @@ FORMAT = "history/1"
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class HistoryEntry:
     """A run as the history keeps it."""
 
     date: str  # when it was appended, ISO 8601 with its zone
@@ -39,7 +39,7 @@ class Entry:
         return wilson(*self.rates[name]) if name in self.rates else None
 
 
-def entry_of(folder: Path, now: datetime, commit: str | None = None, study: str = "") -> Entry:
+def entry_of(folder: Path, now: datetime, commit: str | None = None, study: str = "") -> HistoryEntry:
     """Return the line on the results in a folder.
 
     Args:
@@ -56,11 +56,11 @@ def entry_of(folder: Path, now: datetime, commit: str | None = None, study: str 
             rates[name] = (int(known.sum()), len(known))
     n = max((of for _, of in rates.values()), default=0)
     machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-    return Entry(now.isoformat(timespec="seconds"), _commit() if commit is None else commit, machine, found.name,
+    return HistoryEntry(now.isoformat(timespec="seconds"), _commit() if commit is None else commit, machine, found.name,
                  results.label, str(folder), n, results.planned, rates)  # fmt: skip
 
 
-def append(file: Path, entry: Entry) -> None:
+def append(file: Path, entry: HistoryEntry) -> None:
     """Append a line to a history, in one write. Raises BadRequest: the file cannot be written."""
     line = json.dumps({"parcours": FORMAT, **asdict(entry)}, ensure_ascii=False) + "\n"
     try:
@@ -75,7 +75,7 @@ def append(file: Path, entry: Entry) -> None:
         raise unwritable(file, error) from error
 
 
-def read_history(file: Path) -> list[Entry]:
+def read_history(file: Path) -> list[HistoryEntry]:
     """Return the lines of a history. Raises BadResults: there is none, or a line is damaged."""
     found = []
     try:
@@ -91,7 +91,7 @@ def read_history(file: Path) -> list[Entry]:
             rates = {str(name): (int(count), int(n)) for name, (count, n) in document.pop("rates").items()}
             if not all(0 <= count <= n for count, n in rates.values()):
                 raise ValueError("a count is above its number of cases")
-            found.append(Entry(**document, rates=rates))
+            found.append(HistoryEntry(**document, rates=rates))
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise BadResults(f"{file}:{number}", f"each line holds a run, but: {error}", "delete the line",
                              slug="history-line") from error  # fmt: skip

@@ -33,7 +33,7 @@ def is_target(text: str) -> bool:
     return bool(colon and where and name) and all(part.isidentifier() for part in name.split("."))
 
 
-def load(target: str, folder: Path | None = None, source: Source | None = None) -> object:
+def load(target: str, folder: Path | None = None, source: SourceFile | None = None) -> object:
     """Return the object that `file.py:Name` or `module:Name` names. What loading prints goes to standard error.
 
     Args:
@@ -69,7 +69,7 @@ def file_of(target: str, folder: Path) -> Path | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SourceFile:
     """A Python file as it was when it was first read, whatever its own code makes of the file later."""
 
     path: Path  # absolute
@@ -96,7 +96,7 @@ class Source:
 class _FromText(SourceFileLoader):
     """Compiles a text that has been read, and keeps no byte code of it."""
 
-    def __init__(self, name: str, source: Source) -> None:
+    def __init__(self, name: str, source: SourceFile) -> None:
         super().__init__(name, str(source.path))
         self._text = source.text
 
@@ -107,7 +107,7 @@ class _FromText(SourceFileLoader):
         raise OSError("no byte code is looked for")
 
 
-def read_source(target: str, path: Path) -> Source:
+def read_source(target: str, path: Path) -> SourceFile:
     """Return the source that a target names. Raises BadRequest if the file is absent, unreadable or not Python's."""
     path = path.absolute()
     if not path.is_file():
@@ -116,12 +116,12 @@ def read_source(target: str, path: Path) -> Source:
     if path.suffix != ".py":
         raise BadRequest(target, "its file must be Python source with the ending .py, but is not", slug="target-form")
     try:
-        return Source(path, path.read_bytes())
+        return SourceFile(path, path.read_bytes())
     except OSError as error:
         raise BadRequest(target, f"its file must be readable, but: {error.strerror}", slug="target-missing") from error
 
 
-def _module(target: str, where: str, folder: Path, source: Source | None) -> ModuleType:
+def _module(target: str, where: str, folder: Path, source: SourceFile | None) -> ModuleType:
     path = file_of(target, folder)
     if path is None:
         if where in sys.modules and where not in NEIGHBOURS.get(str(folder.resolve()), {}):

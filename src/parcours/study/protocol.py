@@ -139,7 +139,7 @@ Level = Literal["error", "warning", "note"]
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class StudyFinding:
     """Something that the battery for authors found: how bad, where, which rule, what to do."""
 
     level: Level
@@ -211,7 +211,7 @@ class Study(Protocol):
     def rejudge(self, recording: Path) -> Rejudged:
         """Judge a recording of this study by what is recorded alone."""
 
-    def check(self, progress: Progress) -> Iterable[Finding]:
+    def check(self, progress: Progress) -> Iterable[StudyFinding]:
         """Run the battery for its author, and return what is wrong."""
 
 

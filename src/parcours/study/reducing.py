@@ -22,7 +22,7 @@ _DECIMALS = (3, 2, 1, 0)
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class CaseShape:
     """What of a case may change; keys are named wherever they stand in the tree."""
 
     lists: tuple[str, ...] = ()  # keys of lists whose items may be left out
@@ -45,7 +45,7 @@ class _Spent(Exception):
     """The budget is used up."""
 
 
-def reduce(data: Data, fails: Callable[[Data], bool], shape: Shape, budget: int) -> Reduced:
+def reduce(data: Data, fails: Callable[[Data], bool], shape: CaseShape, budget: int) -> Reduced:
     """Return the smallest failing case that is found within a number of re-runs.
 
     Args:
@@ -79,7 +79,7 @@ def reduce(data: Data, fails: Callable[[Data], bool], shape: Shape, budget: int)
 
 
 class _Reduction:
-    def __init__(self, data: Data, fails: Callable[[Data], bool], shape: Shape, budget: int) -> None:
+    def __init__(self, data: Data, fails: Callable[[Data], bool], shape: CaseShape, budget: int) -> None:
         self.data, self.runs = data, 0
         self._fails, self._shape, self._budget = fails, shape, budget
         self._known = {_key(data): True}

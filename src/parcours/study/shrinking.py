@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 from parcours.errors import BadRequest, BadResults
 from parcours.study.finding import study_of
 from parcours.study.protocol import Progress
-from parcours.study.reducing import Data, Shape, reduce
+from parcours.study.reducing import CaseShape, Data, reduce
 
 BUDGET = 199
 """Most re-runs of a case."""
@@ -32,7 +32,7 @@ class WrittenCase(Protocol):
         """The case."""
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> CaseShape:
         """What of it may change."""
 
     def causes(self, data: Data) -> Sequence[str]:

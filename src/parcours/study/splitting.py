@@ -30,7 +30,7 @@ from parcours.errors import BadRequest
 from parcours.run.campaign import Prepares
 from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.strangers import computed
-from parcours.study.falsifying import Cube, Draws, Floats, Search, search_of
+from parcours.study.falsifying import Cube, Floats, Search, UniformDraws, search_of
 from parcours.study.protocol import Progress
 from parcours.verdict.statistics import mean_of_log_normal, wilson
 
@@ -162,7 +162,7 @@ class _Flight:
     def __init__(self, descent: Descent, repeat: int) -> None:
         self._descent, self._search, self._repeat = descent, descent.search, repeat
         self._cube = Cube(descent.search.inputs)
-        self._draws = Draws(descent.seed, repeat, _PURPOSE)
+        self._draws = UniformDraws(descent.seed, repeat, _PURPOSE)
         self._simulated = 0
 
     def down(self) -> NDArray[np.void]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
-from parcours.study.gate import Judged
+from parcours.study.gate import JudgedResults
 from parcours.study.journal import RUN, read_question
 from parcours.study.protocol import Measure, Results, Study
 from parcours.study.provenance import texts
@@ -129,7 +129,11 @@ def worst_cases(results: Results, most: int) -> list[str]:
 
 
 def _verdicts(results: Results) -> list[Verdict]:
-    return list(results.case_verdicts()) if isinstance(results, Judged) else [one.verdict for one in results.cases()]
+    return (
+        list(results.case_verdicts())
+        if isinstance(results, JudgedResults)
+        else [one.verdict for one in results.cases()]
+    )
 
 
 def _asked(study: Study, folder: Path) -> tuple[Mapping[str, str], int | None, str]:

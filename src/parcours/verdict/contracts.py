@@ -26,7 +26,7 @@ from parcours.model.fitting import fitting, misfit
 from parcours.model.formulas import Clause, clauses, reverse
 from parcours.model.scope import Scopes, is_local
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Transition
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 from parcours.run.trace import BESIDE, REPEAT, Trace, TraceEvent
 
 View = Callable[[str, object], Mapping[str, object] | None]
@@ -162,13 +162,13 @@ class Contracts:
 
     def judge(self, trace: Trace, view: View = plain) -> tuple[Violation | None, Tally]:
         """Return the first violation in a whole trace, None if there is none, and what was judged."""
-        monitor = Monitor(self, view)
+        monitor = ContractMonitor(self, view)
         for event in trace.events:
             monitor.observe(event)
         return monitor.finish(), monitor.tally
 
 
-class Monitor:
+class ContractMonitor:
     """Follows a trace event by event to its first violation.
 
     Args:
@@ -271,7 +271,7 @@ class Monitor:
         component, machine, transition = site
         instance = self._instance(event.component)
         yield from self._settle(instance)
-        told = event.payload if isinstance(event.payload, Reported) else None
+        told = event.payload if isinstance(event.payload, StepReport) else None
         after = {**told.variables} if told is not None else {}
         # An input may have changed since it was last reported, and so may anything where nothing is reported now.
         inputs = {each.name for each in component.variables if each.role == "input"}
@@ -328,7 +328,7 @@ class Monitor:
 
     def _step(
         self, event: TraceEvent, component: Component, transition: Transition, old: Mapping[str, object],
-        after: Mapping[str, object], received: Mapping[str, object], told: Reported | None,
+        after: Mapping[str, object], received: Mapping[str, object], told: StepReport | None,
     ) -> Iterator[Violation]:  # fmt: skip
         assigned = {each.target for each in transition.actions if isinstance(each, Assignment)}
         before = {**old, **{name: value for name, value in after.items() if name not in assigned}, **received}

@@ -14,7 +14,7 @@ from parcours.errors import BadModel
 from parcours.model.conversion import ForeignModel, Loss, accepted
 from parcours.model.structure import Cefsm, Component, Machine
 from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
-from parcours_formats.graphwalker.meaning import Draft, StartActions, translated
+from parcours_formats.graphwalker.meaning import StartActions, TransitionDraft, translated
 from parcours_formats.grouping import grouped
 from parcours_formats.losses import Losses
 from parcours_formats.naming import UniqueNames, as_label, part_names
@@ -105,7 +105,7 @@ class _Walker:
         self.joiner, self.models, self.lose = joiner, models, joiner.lose
         self.named = UniqueNames()
         self.fresh: list[str] = []
-        self.drafts: list[Draft] = []
+        self.drafts: list[TransitionDraft] = []
         self.starts = [StartActions(model.name, model.actions, model.line) for model in models if model.actions]
         self.vertices: list[dict[str, Vertex]] = [{} for _ in models]
         self.states: dict[tuple[int, str], str] = {}
@@ -194,7 +194,9 @@ class _Walker:
         if edge.dependency:
             self.lose(f"edge {name!r}", edge.line, f"its dependency {edge.dependency} is not kept")
         actions = (*edge.actions, *self.vertices[at][edge.target].actions)
-        self.drafts.append(Draft(id, source, target, model.name, edge.guard, actions, weight, edge.line, _tags(edge)))
+        self.drafts.append(
+            TransitionDraft(id, source, target, model.name, edge.guard, actions, weight, edge.line, _tags(edge))
+        )
         return id
 
     def known(self, at: int, edge: LabelledEdge, vertex: str) -> str:
@@ -238,7 +240,9 @@ class _Walker:
                         source, target = self.states[at, vertex.id], self.states[to, entered.id]
                         id = self.joiner.ids.label(f"{shared}: {source} to {target}")
                         model = self.models[to]
-                        draft = Draft(id, source, target, model.name, actions=entered.actions, line=entered.line)
+                        draft = TransitionDraft(
+                            id, source, target, model.name, actions=entered.actions, line=entered.line
+                        )
                         self.drafts.append(draft)
 
 

@@ -17,7 +17,7 @@ from parcours_formats.naming import UniqueNames
 
 
 @dataclass(frozen=True, slots=True)
-class Draft:
+class TransitionDraft:
     """A transition whose guard and actions are still texts; `model` is where their variables belong."""
 
     id: str
@@ -62,7 +62,7 @@ class _Variables(Scope):
 
 
 def translated(
-    drafts: Sequence[Draft], starts: Sequence[StartActions], ids: UniqueNames, origin: str
+    drafts: Sequence[TransitionDraft], starts: Sequence[StartActions], ids: UniqueNames, origin: str
 ) -> tuple[list[list[Transition]], tuple[Variable, ...], Losses]:
     """Return the transitions of each draft, several where an action has branches, and the variables."""
     scope = _Variables("javascript")
@@ -93,7 +93,7 @@ def _performed(texts: Sequence[str], scope: Scope, where: str) -> tuple[Branch, 
     return branches(text, scope, where) if text else (Branch(TRUE, ()),)
 
 
-def _meant(draft: Draft, scope: _Variables, origin: str) -> list[Branch]:
+def _meant(draft: TransitionDraft, scope: _Variables, origin: str) -> list[Branch]:
     scope.model = draft.model
     where = f"{origin}:{draft.line}" if draft.line else origin
     holds = condition(draft.guard, scope, f"{where}: guard of {draft.id!r}") if draft.guard.strip() else TRUE
@@ -101,7 +101,7 @@ def _meant(draft: Draft, scope: _Variables, origin: str) -> list[Branch]:
     return [Branch(conjunction((holds, branch.guard)), branch.actions) for branch in found]
 
 
-def _transitions(draft: Draft, found: Sequence[Branch], ids: UniqueNames) -> list[Transition]:
+def _transitions(draft: TransitionDraft, found: Sequence[Branch], ids: UniqueNames) -> list[Transition]:
     made: list[Transition] = []
     for branch in found:
         ends = (ids.label(draft.id) if made else draft.id, draft.source, draft.target, None)

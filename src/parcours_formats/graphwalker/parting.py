@@ -11,7 +11,7 @@ from parcours.model.expression import Binary, Expression, Literal, Name
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
 from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
-from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
+from parcours_formats.guard_languages.javascript import WORDS, JavaScriptWriter, javascript
 from parcours_formats.guard_languages.values import literal
 from parcours_formats.losses import unsaid
 from parcours_formats.naming import UniqueNames, joint_name
@@ -35,7 +35,7 @@ def parted(cefsm: Cefsm, *, tags: bool = False) -> tuple[list[Model], tuple[Loss
     return models, (*unsaid(cefsm, _HOLDS | {"tags"} if tags else _HOLDS), *parter.losses)
 
 
-class _Parter(Speaker):
+class _Parter(JavaScriptWriter):
     def __init__(self, cefsm: Cefsm) -> None:
         super().__init__()
         self.shared, self.edges = UniqueNames(WORDS), UniqueNames()

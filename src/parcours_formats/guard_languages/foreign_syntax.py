@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary
-from parcours_formats.guard_languages.foreign_tokens import MAX_DEPTH, Tokens
+from parcours_formats.guard_languages.foreign_tokens import MAX_DEPTH, ForeignTokens
 
 LEVELS: dict[str, int] = {
     **dict.fromkeys(("imply", "||"), 1),
@@ -62,7 +62,7 @@ class When(Statement):
 class Parser:
     """Recursive descent over tokens, for conditions and for statements."""
 
-    def __init__(self, tokens: Tokens) -> None:
+    def __init__(self, tokens: ForeignTokens) -> None:
         self.tokens = tokens
         self.nesting = 0
 

@@ -14,7 +14,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, Literal, Unary
 from parcours.model.structure import Variable
 from parcours_formats.guard_languages.foreign_syntax import Parser, Set, Statement, When
-from parcours_formats.guard_languages.foreign_tokens import Language, Tokens
+from parcours_formats.guard_languages.foreign_tokens import ForeignTokens, Language
 from parcours_formats.guard_languages.translation import Scope, Translation, refusal, sized
 from parcours_formats.guard_languages.values import (
     FALSE,
@@ -74,7 +74,7 @@ def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | 
 
 def condition(text: str, scope: Scope, where: str) -> Expression:
     """Return a condition whose names a scope knows, as `guard`."""
-    tokens = Tokens(text, scope.language, where)
+    tokens = ForeignTokens(text, scope.language, where)
     tree = Parser(tokens).condition()
     tokens.accept(";")
     if tokens.token.kind != "end":
@@ -84,7 +84,7 @@ def condition(text: str, scope: Scope, where: str) -> Expression:
 
 def branches(text: str, scope: Scope, where: str) -> tuple[Branch, ...]:
     """Return what statements do, one branch for each way their choices can fall; exactly one guard holds."""
-    found = performed(Parser(Tokens(text, scope.language, where)).statements(), scope, where)
+    found = performed(Parser(ForeignTokens(text, scope.language, where)).statements(), scope, where)
     for branch in found:
         sized(branch.guard, where)
         for action in branch.actions:

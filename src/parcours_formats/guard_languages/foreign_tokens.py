@@ -64,7 +64,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Token:
+class ForeignToken:
     """One token: its kind, its text and the offset where it starts. `fresh` tells that a line ended before it."""
 
     kind: str
@@ -73,7 +73,7 @@ class Token:
     fresh: bool = False
 
 
-class Tokens:
+class ForeignTokens:
     """The tokens of one text, read one after the other."""
 
     def __init__(self, text: str, language: Language, where: str, line: int = 0) -> None:
@@ -81,22 +81,22 @@ class Tokens:
         self.position = 0
         self._words = _WORDS[language]
         self._breaks: list[int] = []
-        self._all = [Token("end", "", len(text))]
+        self._all = [ForeignToken("end", "", len(text))]
         if len(text) > MAX_LENGTH:
             rule = f"a foreign text has at most {MAX_LENGTH} characters, but this one has {len(text)}"
             raise BadModel(self.where(), rule, "split it", slug="expression-size")
         self._all = [*self._split(), *self._all]
 
     @property
-    def token(self) -> Token:
+    def token(self) -> ForeignToken:
         """The next token; its kind is `end` behind the last one."""
         return self._all[self.position]
 
-    def ahead(self, steps: int) -> Token:
+    def ahead(self, steps: int) -> ForeignToken:
         """Return the token that many steps behind the next one."""
         return self._all[min(self.position + steps, len(self._all) - 1)]
 
-    def where(self, token: Token | None = None) -> str:
+    def where(self, token: ForeignToken | None = None) -> str:
         """Return the place of a token, or of the next one, for a message."""
         at = (token or self.token).at
         return f"{self.origin}:{self.line_at(at)}" if self.line else self.origin
@@ -140,7 +140,7 @@ class Tokens:
         self.position += 1
         return token.text
 
-    def value(self, token: Token) -> int | float | str:
+    def value(self, token: ForeignToken) -> int | float | str:
         """Return the constant that a token stands for."""
         if token.kind == "text":
             return self._unquoted(token)
@@ -153,7 +153,7 @@ class Tokens:
             return float(token.text)
         return self._fail_at(token, f"a number must fit 64 bits, but {token.text[:24]} does not,", "overflow")
 
-    def _unquoted(self, token: Token) -> str:
+    def _unquoted(self, token: ForeignToken) -> str:
         def plain(match: re.Match[str]) -> str:
             if match["unit"] is not None:
                 return chr(int(match["unit"], 16))
@@ -183,24 +183,24 @@ class Tokens:
         rule = f"a foreign expression nests at most {MAX_DEPTH} deep, but this one goes deeper at the caret,"
         self._fail_at(self.token, rule, "expression-size")
 
-    def _fail_at(self, token: Token, rule: str, slug: str, remedy: str = "") -> NoReturn:
+    def _fail_at(self, token: ForeignToken, rule: str, slug: str, remedy: str = "") -> NoReturn:
         before, after = self.text[max(0, token.at - 40) : token.at], self.text[token.at : token.at + 40]
         before = before if token.at <= 40 else "..." + before[3:]
         after = after if len(self.text) - token.at <= 40 else after[:37] + "..."
         shown = " ".join(f"{before}^{after}".split())
         raise BadModel(self.where(token), f'{rule} in "{shown}"', remedy, slug=slug)
 
-    def _split(self) -> list[Token]:
+    def _split(self) -> list[ForeignToken]:
         found, at, fresh = [], 0, False
         while at < len(self.text):
             match = _TOKEN.match(self.text, at)
             if match is None or match.lastgroup == "open":
                 rule = f"a sign of the language must stand at the caret, but found {self.text[at]!r}"
-                self._fail_at(Token("sign", self.text[at], at), rule, "foreign-syntax")
+                self._fail_at(ForeignToken("sign", self.text[at], at), rule, "foreign-syntax")
             if match.lastgroup == "blank":
                 fresh = fresh or "\n" in match.group()
             else:
-                found.append(Token(str(match.lastgroup), match.group(), at, fresh))
+                found.append(ForeignToken(str(match.lastgroup), match.group(), at, fresh))
                 fresh = False
             at = match.end()
         return found

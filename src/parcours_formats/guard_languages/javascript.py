@@ -70,7 +70,7 @@ def _sign(sign: str) -> str:
     )
 
 
-class Speaker:
+class JavaScriptWriter:
     """What writers of JavaScript share: guards and actions in their words, and losses where they have none."""
 
     def __init__(self) -> None:

@@ -159,7 +159,7 @@ class ChartReader:
 
 
 @dataclass(frozen=True, slots=True)
-class Configuration:
+class ChartConfiguration:
     """The active states (all of them, by order in the document), and what each history remembers."""
 
     active: frozenset[StateNode]
@@ -180,16 +180,16 @@ class Configuration:
         return f"{name} ({', '.join(kept)})" if kept else name
 
 
-def arrived(configuration: Configuration, node: StateNode) -> bool:
+def arrived(configuration: ChartConfiguration, node: StateNode) -> bool:
     """Return whether a state has come to its end: `done.state.id` was raised."""
     if node.is_compound:
         return any(child.kind == "final" and child in configuration.active for child in node.inner())
     return node.kind == "parallel" and all(arrived(configuration, child) for child in node.inner())
 
 
-def start(root: StateNode) -> tuple[Configuration, list[Element]]:
+def start(root: StateNode) -> tuple[ChartConfiguration, list[Element]]:
     """Return the first configuration of a document, or of one region of it, and what is done on the way."""
-    moves = _Moves(Configuration(frozenset()))
+    moves = _Moves(ChartConfiguration(frozenset()))
     if root.kind == "scxml":
         moves.targets(root.starts, root)
         moves.defaults[root] = root.start_content
@@ -198,7 +198,7 @@ def start(root: StateNode) -> tuple[Configuration, list[Element]]:
     return moves.entered(frozenset(), frozenset())
 
 
-def without_conflicts(arcs: Iterable[Arc], configuration: Configuration) -> list[Arc]:
+def without_conflicts(arcs: Iterable[Arc], configuration: ChartConfiguration) -> list[Arc]:
     """Return the transitions that can be taken together: of two that leave a common state, the inner one."""
     kept: list[Arc] = []
     for arc in arcs:
@@ -210,7 +210,9 @@ def without_conflicts(arcs: Iterable[Arc], configuration: Configuration) -> list
     return kept
 
 
-def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configuration, list[Element], list[Element]]:
+def take(
+    arcs: Iterable[Arc], configuration: ChartConfiguration
+) -> tuple[ChartConfiguration, list[Element], list[Element]]:
     """Return the configuration after transitions taken together, and what is done before and on entering it."""
     arcs = tuple(arcs)
     leaving = {node for arc in arcs for node in exits(arc, configuration)}
@@ -225,7 +227,7 @@ def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configurati
         done += node.exit
     for arc in arcs:
         done += arc.content
-    now = Configuration(configuration.active, frozenset(remembered.items()))
+    now = ChartConfiguration(configuration.active, frozenset(remembered.items()))
     moves = _Moves(now)
     for arc in arcs:
         if arc.targets:
@@ -235,7 +237,7 @@ def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configurati
     return after, done, entering
 
 
-def exits(arc: Arc, configuration: Configuration) -> frozenset[StateNode]:
+def exits(arc: Arc, configuration: ChartConfiguration) -> frozenset[StateNode]:
     """Return the active states that a transition leaves."""
     if not arc.targets:
         return frozenset()
@@ -243,7 +245,7 @@ def exits(arc: Arc, configuration: Configuration) -> frozenset[StateNode]:
     return frozenset(node for node in configuration.active if node.is_inside(domain))
 
 
-def _domain(arc: Arc, configuration: Configuration) -> StateNode:
+def _domain(arc: Arc, configuration: ChartConfiguration) -> StateNode:
     targets = _effective(arc.targets, configuration)
     if arc.is_internal and arc.source.is_compound and all(target.is_inside(arc.source) for target in targets):
         return arc.source
@@ -253,7 +255,7 @@ def _domain(arc: Arc, configuration: Configuration) -> StateNode:
     return list(arc.source.ancestors())[-1] if arc.source.parent is not None else arc.source
 
 
-def _effective(targets: Iterable[StateNode], configuration: Configuration) -> list[StateNode]:
+def _effective(targets: Iterable[StateNode], configuration: ChartConfiguration) -> list[StateNode]:
     remembered, found = dict(configuration.remembered), list[StateNode]()
     for target in targets:
         if target.kind != "history":
@@ -268,7 +270,7 @@ def _effective(targets: Iterable[StateNode], configuration: Configuration) -> li
 class _Moves:
     """Collects the states to enter, and the content of the defaults that lead there."""
 
-    def __init__(self, configuration: Configuration) -> None:
+    def __init__(self, configuration: ChartConfiguration) -> None:
         self.configuration = configuration
         self.remembered = dict(configuration.remembered)
         self.entering: set[StateNode] = set()
@@ -318,13 +320,13 @@ class _Moves:
 
     def entered(
         self, staying: frozenset[StateNode], remembered: frozenset[tuple[StateNode, frozenset[StateNode]]]
-    ) -> tuple[Configuration, list[Element]]:
+    ) -> tuple[ChartConfiguration, list[Element]]:
         done: list[Element] = []
         for node in sorted(self.entering - staying, key=in_order):
             done += node.entry
             done += self.defaults.get(node, ())
         active = frozenset(node for node in self.entering | staying if node.kind != "scxml")
-        return Configuration(active, remembered), done
+        return ChartConfiguration(active, remembered), done
 
 
 def in_order(node: StateNode) -> int:

@@ -9,7 +9,16 @@ from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Expression, FieldAccess, Literal, Name
-from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized, values
+from parcours_formats.guard_languages import (
+    Branch,
+    ForeignTokens,
+    Scope,
+    Translation,
+    performed,
+    refusal,
+    sized,
+    values,
+)
 from parcours_formats.guard_languages.foreign_syntax import Set as Assign
 from parcours_formats.guard_languages.foreign_syntax import Statement
 from parcours_formats.guard_languages.foreign_texts import MAX_ACTIONS
@@ -161,7 +170,7 @@ class ContentRunner:
             case "script":
                 if element.get("src"):
                     raise refusal(where, "a script in another file")
-                statements = ChartParser(Tokens(element.text, "javascript", where)).statements()
+                statements = ChartParser(ForeignTokens(element.text, "javascript", where)).statements()
                 return self._performed(statements, scope, where, outcome)
             case "if":
                 return self.chosen(self._options(element), scope, outcome)

@@ -9,7 +9,7 @@ from typing import TypeAlias
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary
 from parcours.model.expression.syntax import parts as parts_of
-from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
+from parcours_formats.guard_languages import ForeignTokens, Scope, Translation, refusal
 from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.values import is_constant, kind_of
 from parcours_formats.losses import Losses
@@ -71,7 +71,7 @@ class DataModel:
         if script.get("src"):
             self.losses.add("<script>", script.line, "a script in another file is left out")
             return
-        for statement in ChartParser(Tokens(script.text, "javascript", where)).statements():
+        for statement in ChartParser(ForeignTokens(script.text, "javascript", where)).statements():
             if not isinstance(statement, syntax.Set):
                 raise refusal(where, "a choice in a script of the document")
             if isinstance(part := part_at(statement.place, self.wholes, where), str):
@@ -157,7 +157,7 @@ def _assigned(root: Element) -> Iterable[syntax.Set]:
             if element.tag == "assign":
                 yield syntax.Set(parsed(element.get("location"), ""), parsed(element.get("expr") or element.text, ""))
             elif element.tag == "script":
-                yield from _sets(ChartParser(Tokens(element.text, "javascript", "")).statements())
+                yield from _sets(ChartParser(ForeignTokens(element.text, "javascript", "")).statements())
         except BadModel:
             continue  # complained about where it is used
 
@@ -172,7 +172,7 @@ def _sets(statements: Iterable[syntax.Statement]) -> Iterable[syntax.Set]:
 
 def parsed(text: str, where: str) -> Expression:
     """Return the syntax tree of an expression."""
-    tokens = Tokens(text, "javascript", where)
+    tokens = ForeignTokens(text, "javascript", where)
     tree = ChartParser(tokens).condition()
     if tokens.token.kind != "end":
         tokens.fail("an operator or the end")

@@ -22,7 +22,7 @@ from parcours_formats.guard_languages import sized
 from parcours_formats.guard_languages.values import FALSE, MAX_CASES, TRUE, conjunction, negation
 from parcours_formats.scxml.chart import (
     Arc,
-    Configuration,
+    ChartConfiguration,
     StateNode,
     arrived,
     in_order,
@@ -118,7 +118,9 @@ class Flattening:
         used = self._ended.union(arc for step in steps for arc in step.arcs)
         return Flat(first.name, tuple(starts), tuple(seen.values()), tuple(final), tuple(steps), nodes, frozenset(used))
 
-    def ended(self, here: Configuration, after: Configuration, outcomes: list[ContentOutcome]) -> list[ContentOutcome]:
+    def ended(
+        self, here: ChartConfiguration, after: ChartConfiguration, outcomes: list[ContentOutcome]
+    ) -> list[ContentOutcome]:
         """Return outcomes with what transitions without target do when the states they wait for come to their end."""
         over = {f"done.state.{node.id}" for node in after.active if arrived(after, node) and not arrived(here, node)}
         for arc in (arc for node in sorted(after.active, key=in_order) for arc in node.arcs if not arc.targets):
@@ -128,12 +130,12 @@ class Flattening:
                 outcomes = [each for outcome in outcomes for each in self.content.chosen([option], scope, outcome)]
         return outcomes
 
-    def is_over(self, here: Configuration) -> bool:
+    def is_over(self, here: ChartConfiguration) -> bool:
         """Return whether a top state of the document is final: nothing happens any more."""
         tops = self.root.inner() if self.root.kind == "scxml" else []
         return any(node.kind == "final" and node in here.active for node in tops)
 
-    def choices(self, here: Configuration) -> Iterator[tuple[str, Expression, tuple[Arc, ...]]]:
+    def choices(self, here: ChartConfiguration) -> Iterator[tuple[str, Expression, tuple[Arc, ...]]]:
         """Yield event, guard and transitions of each way on; spontaneous ones go before events."""
         # SCXML looks at the event queue only when no transition without event can go: hence `resting`.
         spontaneous = list(self.sets(here, ""))
@@ -148,7 +150,7 @@ class Flattening:
                 if (both := conjunction((resting, guard))) != FALSE:
                     yield event, both, arcs
 
-    def sets(self, here: Configuration, event: str) -> Iterator[tuple[Expression, tuple[Arc, ...]]]:
+    def sets(self, here: ChartConfiguration, event: str) -> Iterator[tuple[Expression, tuple[Arc, ...]]]:
         """Yield the sets of transitions that an event may bring about, each with the condition for it."""
         scope = self.within(here, event)
         options: list[list[tuple[Expression, Arc | None]]] = []
@@ -190,7 +192,7 @@ class Flattening:
             self._answering[node] = found
         return self._answering[node]
 
-    def spontaneous(self, node: StateNode, here: Configuration) -> Iterator[Arc]:
+    def spontaneous(self, node: StateNode, here: ChartConfiguration) -> Iterator[Arc]:
         """Yield the transitions that wait for nothing, or for the end of states that have come to it."""
         over = [f"done.state.{one.id}" for one in here.active if arrived(here, one)]
         ended = {each for event in over for each in beginnings(event) if each}
@@ -198,7 +200,7 @@ class Flattening:
             if not arc.events or (arc.targets and any(plain(each) in ended for each in arc.events)):
                 yield arc
 
-    def within(self, here: Configuration, event: str) -> DataScope:
+    def within(self, here: ChartConfiguration, event: str) -> DataScope:
         """Return the scope of a configuration in which an event has arrived."""
         active = frozenset(node.id for node in here.active)
         return replace(self.scope, active=active, event=event)

@@ -25,7 +25,7 @@ from parcours_formats.guard_languages import variables
 from parcours_formats.guard_languages.values import TRUE, conjunction, is_constant, replaced
 from parcours_formats.losses import Losses
 from parcours_formats.naming import UniqueNames, as_label
-from parcours_formats.scxml.chart import Arc, ChartReader, Configuration, StateNode, exits
+from parcours_formats.scxml.chart import Arc, ChartConfiguration, ChartReader, StateNode, exits
 from parcours_formats.scxml.content import ContentOutcome, ContentRunner, DataScope, is_astray, is_inward
 from parcours_formats.scxml.datamodel import DataModel
 from parcours_formats.scxml.flattening import MAX_STEPS, Flat, Flattening, beginnings, plain
@@ -128,7 +128,7 @@ class _System:
 
     def _are_apart(self, top: StateNode) -> bool:
         """Return whether the regions of the only state of the document see nothing of each other but data."""
-        whole = Configuration(frozenset(self.chart.root.walk()))
+        whole = ChartConfiguration(frozenset(self.chart.root.walk()))
         if top.arcs or top.entry or self.chart.root.start_content or _asks_for_states(self.element):
             return False
         for region in top.inner():

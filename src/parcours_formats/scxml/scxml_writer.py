@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape, quoteattr
 from parcours.model.conversion import Writing
 from parcours.model.expression import Expression, Name
 from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Component, Machine, Transition
-from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
+from parcours_formats.guard_languages.javascript import WORDS, JavaScriptWriter, javascript
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, literal, naturals_of
 from parcours_formats.losses import unsaid
 from parcours_formats.naming import UniqueNames, as_identifier
@@ -35,7 +35,7 @@ def write(cefsm: Cefsm) -> Writing:
     return Writing(text, tuple(sorted({*unsaid(cefsm, _HOLDS), *writer.losses})))
 
 
-class _Writer(Speaker):
+class _Writer(JavaScriptWriter):
     def __init__(self, cefsm: Cefsm) -> None:
         self.cefsm = cefsm
         super().__init__()

@@ -31,7 +31,7 @@ from parcours_formats.guard_languages.values import TRUE, literal, replaced
 from parcours_formats.losses import Losses
 from parcours_formats.naming import UniqueNames
 from parcours_formats.symbols import SIGNAL
-from parcours_formats.uppaal.processes import Process
+from parcours_formats.uppaal.processes import ProcessInstance
 from parcours_formats.uppaal.steps import MAX_STEPS, ProcessStep
 from parcours_formats.uppaal.symbols import Cells, UppaalChannel, UppaalVariable
 
@@ -40,7 +40,7 @@ from parcours_formats.uppaal.symbols import Cells, UppaalChannel, UppaalVariable
 class ProcessPart:
     """A process, its steps and invariants by location, and the index of the component it belongs to."""
 
-    process: Process
+    process: ProcessInstance
     steps: list[ProcessStep]
     invariants: list[tuple[str, Expression]]
     group: int = 0

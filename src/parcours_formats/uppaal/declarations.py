@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from parcours.model.expression import Apply, Binary, Expression, Literal
 from parcours_formats.guard_languages import foreign_syntax as syntax
-from parcours_formats.guard_languages.foreign_tokens import Tokens
+from parcours_formats.guard_languages.foreign_tokens import ForeignTokens
 
 _PREFIXES = ("const", "meta", "urgent", "broadcast", "hybrid")
 _SKIPPED = ("progress", "gantt", "query", "state", "priority")
@@ -25,17 +25,17 @@ def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
     >>> n.name, n.initial, go.line, sorted(go.type.prefixes), go.lengths
     ('N', Literal(value=6, unit=''), 5, ['urgent'], (Name(id='N'),))
     """
-    return DeclarationReader(Tokens(text, "uppaal", origin, line)).all()
+    return DeclarationReader(ForeignTokens(text, "uppaal", origin, line)).all()
 
 
 def parse_parameters(text: str, origin: str, line: int) -> tuple[Declared, ...]:
     """Return the parameters of a template, e.g. `const id_t id, clock &x`."""
-    return DeclarationReader(Tokens(text, "uppaal", origin, line)).parameters()
+    return DeclarationReader(ForeignTokens(text, "uppaal", origin, line)).parameters()
 
 
 def parse_selections(text: str, origin: str, line: int) -> tuple[Declared, ...]:
     """Return the names of a `select` label with their types, e.g. `e : id_t, i : int[0,3]`."""
-    reader = DeclarationReader(Tokens(text, "uppaal", origin, line))
+    reader = DeclarationReader(ForeignTokens(text, "uppaal", origin, line))
     return tuple(reader.tokens.listed(lambda: Declared(reader.bound_name(), reader.type(), line)))
 
 
@@ -237,7 +237,7 @@ class Routine:
     name: str
     result: TypeTree
     parameters: tuple[Declared, ...]
-    tokens: Tokens
+    tokens: ForeignTokens
     body: int
     line: int
 
@@ -322,7 +322,7 @@ class BodyParser(syntax.Parser):
     (3, False)
     """
 
-    def __init__(self, tokens: Tokens) -> None:
+    def __init__(self, tokens: ForeignTokens) -> None:
         super().__init__(tokens)
         self.trailing: list[syntax.Statement] = []
 

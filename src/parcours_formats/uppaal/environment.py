@@ -19,9 +19,9 @@ from parcours_formats.uppaal.symbols import (
     Cells,
     Given,
     ParameterValue,
-    Shape,
     Struct,
     Symbol,
+    TypeShape,
     UppaalChannel,
     UppaalVariable,
 )
@@ -189,12 +189,12 @@ class Environment(Scope):
                 return -inner.value if isinstance(value, Unary) else inner.value
         raise BadModel(where, "a constant must stand here, but it depends on variables", slug="foreign-construct")
 
-    def shape(self, type_: TypeTree, where: str, lengths: tuple[Expression | TypeTree, ...] = ()) -> Shape:
+    def shape(self, type_: TypeTree, where: str, lengths: tuple[Expression | TypeTree, ...] = ()) -> TypeShape:
         """Return a type, worked out. Raises BadModel if it is unknown or too large."""
         own = tuple(self._length(each, where) for each in lengths)
         if type_.base == "struct":
             fields = tuple((each.name, self.shape(each.type, where, each.lengths)) for each in type_.fields)
-            return Shape("struct", prefixes=type_.prefixes, fields=fields, lengths=own)
+            return TypeShape("struct", prefixes=type_.prefixes, fields=fields, lengths=own)
         if "hybrid" in type_.prefixes or type_.base == "string":
             raise refusal(where, "a hybrid clock" if "hybrid" in type_.prefixes else "a string")
         if type_.base in ("int", "scalar") and type_.low is not None:
@@ -203,16 +203,16 @@ class Environment(Scope):
                 low, high = high + 1, int(self.constant(type_.high, where))
             if low > high:
                 raise BadModel(where, f"a range must have values, but [{low}, {high}] has none", slug="value")
-            return Shape("int", low, high, type_.prefixes, lengths=own)
+            return TypeShape("int", low, high, type_.prefixes, lengths=own)
         if type_.base in _PLAIN:
-            return Shape(_PLAIN[type_.base], prefixes=type_.prefixes, lengths=own)
+            return TypeShape(_PLAIN[type_.base], prefixes=type_.prefixes, lengths=own)
         named = self.find(type_.base, where)
-        if not isinstance(named, Shape):
+        if not isinstance(named, TypeShape):
             raise refusal(where, f"{KINDS[type(named)]} {type_.base!r} as a type")
         return replace(named, prefixes=named.prefixes | type_.prefixes, lengths=own + named.lengths)
 
     def _length(self, length: Expression | TypeTree, where: str) -> int:
-        if isinstance(length, Name) and isinstance(self.find(length.id, where), Shape):
+        if isinstance(length, Name) and isinstance(self.find(length.id, where), TypeShape):
             length = TypeTree(length.id)
         if isinstance(length, TypeTree):
             shape = self.shape(length, where)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Assignment, Expression, names
-from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized, values
+from parcours_formats.guard_languages import Branch, ForeignTokens, Translation, performed, refusal, sized, values
 from parcours_formats.guard_languages.foreign_syntax import Set, Statement, When
 from parcours_formats.guard_languages.values import TRUE, Cases, always, is_constant, literal, negation, replaced
 from parcours_formats.uppaal.declarations import BodyParser, Declared, Iteration, Local, Loop, Perform, Return, Routine
@@ -195,7 +195,7 @@ def is_local(id: str) -> bool:
 def updates(text: str, environment: Environment, origin: str, line: int) -> list[Branch]:
     """Return what an update label does, one branch for each way its choices can fall."""
     where = f"{origin}:{line}"
-    statements = BodyParser(Tokens(text, "uppaal", origin, line)).statements()
+    statements = BodyParser(ForeignTokens(text, "uppaal", origin, line)).statements()
     found = SymbolicExecution(environment, where).run(statements, [Running(Branch(TRUE, ()))])
     environment.cells.known = {}
     return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]

@@ -23,7 +23,7 @@ _NESTED = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Process:
+class ProcessInstance:
     """An instance of a template: its name, e.g. `Train(0)`, and what its texts see."""
 
     name: str
@@ -41,11 +41,11 @@ class Instantiation:
         self.instances = {each.name: each for each in declared if isinstance(each, InstanceLine)}
         self.systems = [each for each in declared if isinstance(each, SystemLine)]
 
-    def processes(self) -> list[Process]:
+    def processes(self) -> list[ProcessInstance]:
         """Return the processes that the system line names."""
         if not self.systems:
             raise BadModel(self.origin, "a file must have a system line, but has none", slug="uppaal-structure")
-        found: list[Process] = []
+        found: list[ProcessInstance] = []
         for name in self.systems[-1].names:
             where = f"{self.origin}:{self.systems[-1].line}"
             parameters = (self.instances.get(name) or self.template(name, where)).parameters
@@ -63,7 +63,7 @@ class Instantiation:
                 for each in template.declarations:
                     if isinstance(each, Declared | Routine):
                         local.declare(each, f"{self.origin}:{each.line}")
-                found.append(Process(shown, template, local))
+                found.append(ProcessInstance(shown, template, local))
         return found
 
     def template(self, name: str, where: str) -> Template:

@@ -9,7 +9,7 @@ from math import prod
 
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, Literal
-from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
+from parcours_formats.guard_languages import Branch, ForeignTokens, Translation, sized
 from parcours_formats.guard_languages.foreign_syntax import Parser
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
 from parcours_formats.losses import Losses
@@ -17,7 +17,7 @@ from parcours_formats.naming import UniqueNames
 from parcours_formats.uppaal.declarations import parse_selections
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.uppaal.execution import updates as updates_of
-from parcours_formats.uppaal.processes import Label, Process, TemplateEdge
+from parcours_formats.uppaal.processes import Label, ProcessInstance, TemplateEdge
 from parcours_formats.uppaal.symbols import UppaalChannel
 
 MAX_STEPS = 200_000
@@ -45,7 +45,7 @@ class StepWriter:
     def __init__(self, origin: str) -> None:
         self.origin, self.count, self.ids, self.losses = origin, 0, UniqueNames(), Losses()
 
-    def of(self, process: Process) -> Iterator[ProcessStep]:
+    def of(self, process: ProcessInstance) -> Iterator[ProcessStep]:
         """Yield the steps of a process."""
         locations, ways = process.template.locations, process.template.ways()
         self._bounded(len(ways), process.template.line)
@@ -113,7 +113,7 @@ class StepWriter:
 
     def condition(self, label: Label, environment: Environment) -> Expression:
         """Return the condition that a label says; the commas of old files mean `and`."""
-        tokens = Tokens(label.text, "uppaal", *self._at(label))
+        tokens = ForeignTokens(label.text, "uppaal", *self._at(label))
         parser, translation = Parser(tokens), Translation(environment, self._where(label.line))
         parts = []
         while tokens.token.kind != "end":
@@ -123,7 +123,7 @@ class StepWriter:
         return conjunction(parts)
 
     def _meetings(self, label: Label, environment: Environment) -> Iterator[tuple[Expression, UppaalChannel, str]]:
-        tokens = Tokens(label.text, "uppaal", *self._at(label))
+        tokens = ForeignTokens(label.text, "uppaal", *self._at(label))
         place = Parser(tokens).place()
         sign = tokens.token.text
         if sign not in ("!", "?"):
@@ -137,7 +137,7 @@ class StepWriter:
     def _weight(self, way: tuple[TemplateEdge, ...], environment: Environment) -> float:
         weight = 1.0
         for label in _labels(way[1:], "probability"):
-            tree = Parser(Tokens(label.text, "uppaal", *self._at(label))).condition()
+            tree = Parser(ForeignTokens(label.text, "uppaal", *self._at(label))).condition()
             weight *= environment.constant(tree, self._where(label.line)) if tree != Literal(1) else 1
         return weight
 

@@ -25,7 +25,7 @@ WORK_OF_PROCESS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class TypeShape:
     """A type, worked out: `kind` is bool, int, real, clock, chan, struct or void.
 
     `low` and `high` bound an integer, if it has bounds; `lengths` are those of an array, outermost first.
@@ -35,7 +35,7 @@ class Shape:
     low: int | None = None
     high: int | None = None
     prefixes: frozenset[str] = frozenset()
-    fields: tuple[tuple[str, Shape], ...] = ()
+    fields: tuple[tuple[str, TypeShape], ...] = ()
     lengths: tuple[int, ...] = ()
 
     def values(self, where: str) -> Iterable[int | bool]:
@@ -96,7 +96,7 @@ class Struct:
     fields: dict[str, Symbol]
 
 
-Symbol: TypeAlias = UppaalVariable | ParameterValue | UppaalChannel | ArrayVariable | Struct | Shape | Routine
+Symbol: TypeAlias = UppaalVariable | ParameterValue | UppaalChannel | ArrayVariable | Struct | TypeShape | Routine
 
 KINDS: dict[type, str] = {
     UppaalVariable: "a variable",
@@ -104,7 +104,7 @@ KINDS: dict[type, str] = {
     UppaalChannel: "a channel",
     ArrayVariable: "an array",
     Struct: "a struct",
-    Shape: "a type",
+    TypeShape: "a type",
     Routine: "a function",
 }
 """What each kind of symbol is called in messages."""
@@ -135,9 +135,9 @@ class Cells:
             rule = f"a system is written out to at most {self._most} instances, but this one goes beyond"
             raise BadModel(where, rule, "make its ranges smaller", slug="expansion-size")
 
-    def make(self, id: str, shape: Shape, given: Given, line: int, where: str, *, is_global: bool) -> Symbol:
+    def make(self, id: str, shape: TypeShape, given: Given, line: int, where: str, *, is_global: bool) -> Symbol:
         """Return what a declaration makes."""
-        parts: list[tuple[str, Shape]] = []
+        parts: list[tuple[str, TypeShape]] = []
         if shape.lengths:
             inner = replace(shape, lengths=shape.lengths[1:])
             self._count(shape.lengths[0], where)
@@ -168,7 +168,7 @@ class Cells:
             self.naturals.add(id)
         return cell
 
-    def make_local(self, name: str, shape: Shape, line: int, where: str) -> tuple[Symbol, list[UppaalVariable]]:
+    def make_local(self, name: str, shape: TypeShape, line: int, where: str) -> tuple[Symbol, list[UppaalVariable]]:
         """Return a variable of a function, with the cells it consists of: they last for one call."""
         # No name of a file has an apostrophe, so that a local variable never meets another.
         self.calls += 1
@@ -183,7 +183,7 @@ class Cells:
             raise BadModel(where, rule, "make its arrays smaller", slug="expansion-size")
 
 
-def _start(shape: Shape, given: bool | int | float | None) -> bool | int | float:
+def _start(shape: TypeShape, given: bool | int | float | None) -> bool | int | float:
     match shape.kind:
         case "bool":
             return bool(given)

@@ -14,7 +14,7 @@ from parcours_formats.naming import as_label
 from parcours_formats.uppaal.composing import Composing, ProcessPart
 from parcours_formats.uppaal.declarations import Aside, Declared, Routine, SystemLine, parse_declarations
 from parcours_formats.uppaal.execution import CallingEnvironment
-from parcours_formats.uppaal.processes import Instantiation, Process, label_of, read_template
+from parcours_formats.uppaal.processes import Instantiation, ProcessInstance, label_of, read_template
 from parcours_formats.uppaal.sharing import TESTER
 from parcours_formats.uppaal.steps import StepWriter
 from parcours_formats.uppaal.symbols import Cells
@@ -70,7 +70,7 @@ def _is_tester(part: ProcessPart) -> bool:
     return template.name == TESTER and len(template.locations) == 1 and not part.invariants and only_meets
 
 
-def _location_losses(process: Process) -> Losses:
+def _location_losses(process: ProcessInstance) -> Losses:
     found = Losses()
     for location in process.template.locations.values():
         where = f"location {location.name!r} of {process.template.name!r}"
@@ -82,7 +82,9 @@ def _location_losses(process: Process) -> Losses:
     return found
 
 
-def _invariants(process: Process, steps: StepWriter, cells: Cells, losses: Losses) -> list[tuple[str, Expression]]:
+def _invariants(
+    process: ProcessInstance, steps: StepWriter, cells: Cells, losses: Losses
+) -> list[tuple[str, Expression]]:
     found = []
     for location in process.template.locations.values():
         if "invariant" not in location.labels:

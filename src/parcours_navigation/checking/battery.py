@@ -53,7 +53,7 @@ CHECKS: dict[str, Check] = GATES | {
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class BatteryReport:
     """What the battery found."""
 
     planner: str  # its name
@@ -73,7 +73,7 @@ def run_battery(
     *,
     patience: float = 120.0,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
-) -> Report:
+) -> BatteryReport:
     """Return what the checks, all if none are named, find of a planner. What it prints meanwhile is swallowed.
 
     A check may take `patience` [s]; only on a main thread can it be given up. `progress` is called with (name of the
@@ -94,7 +94,7 @@ def run_battery(
     progress("done", len(made), len(wanted))
     unique = {(f.slug, f.level): f for f in reversed(findings)}  # one fault breaks several checks: the first reports it
     ordered = sorted((f for f in findings if unique[f.slug, f.level] is f), key=lambda f: list(Level).index(f.level))
-    return Report(subject.name, tuple(ordered), tuple(made), tuple(name for name in wanted if name not in made))
+    return BatteryReport(subject.name, tuple(ordered), tuple(made), tuple(name for name in wanted if name not in made))
 
 
 def _made(check: Check, subject: Subject, patience: float) -> list[Remark]:
@@ -128,7 +128,7 @@ def check_apart(
     patience: float = 120.0,
     grace: float = _GRACE,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
-) -> Report:
+) -> BatteryReport:
     """Return what `run_battery` finds of a planner in a process of its own, also where it ends or blocks that process.
 
     The process is ended when a check takes `grace` [s] longer than its patience, and ends itself after a check in which
@@ -161,10 +161,10 @@ def check_apart(
     check = wanted[done] if 0 <= done < len(wanted) else ""
     where, made = f"in {check}" if check else "while it was loaded", max(done, 0)
     whole = replace(found, seen=f"{where}: {found.seen}", check=check)
-    return Report(planner, (whole,), tuple(wanted[:made]), tuple(wanted[made:]))
+    return BatteryReport(planner, (whole,), tuple(wanted[:made]), tuple(wanted[made:]))
 
 
-def _check(planner: str, names: Sequence[str] | None, patience: float) -> Report:
+def _check(planner: str, names: Sequence[str] | None, patience: float) -> BatteryReport:
     def said(*what: object) -> None:
         canaries.require_unchanged()
         tell(what)
@@ -174,7 +174,7 @@ def _check(planner: str, names: Sequence[str] | None, patience: float) -> Report
     return run_battery(subject, names, patience=patience, progress=said)
 
 
-def report_lines(report: Report) -> str:
+def report_lines(report: BatteryReport) -> str:
     """Return the findings as text: two lines each, then a summary.
 
     >>> print(report_lines(Report("mine", (error("turns-away", "turned right", "flip a sign"),), ("a",), ("b",))))

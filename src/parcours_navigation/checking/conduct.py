@@ -12,7 +12,7 @@ from parcours.run.raised import is_ctrl_c
 from parcours_navigation.checking.form import malformed, where_raised
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task
-from parcours_navigation.checking.subject import Slot, Subject, drive
+from parcours_navigation.checking.subject import AskedPlanner, Subject, drive
 from parcours_navigation.guests.answers import BadAnswer
 from parcours_navigation.protocol import Floats, Observation, Task
 
@@ -88,7 +88,7 @@ def decides_in_time(subject: Subject) -> Iterator[Remark]:
         yield note("decision-time", seen)
 
 
-def decision_times(slot: Slot, task: Task, count: int, n: int = 40, patience: float = 5.0) -> Floats:
+def decision_times(slot: AskedPlanner, task: Task, count: int, n: int = 40, patience: float = 5.0) -> Floats:
     """Return the wall times of n decisions among `count` obstacles [s], fewer where patience [s] ends first.
 
     A first decision does not count: it may compile.

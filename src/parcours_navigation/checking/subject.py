@@ -42,14 +42,14 @@ class Subject:
     # returns a new planner: an object with `reset` and `observe`, or a function of an observation
     make: Callable[[], object]
 
-    def slot(self, task: Task) -> Slot:
+    def slot(self, task: Task) -> AskedPlanner:
         """Return a new planner, reset to the task."""
-        slot = Slot(self.make())
+        slot = AskedPlanner(self.make())
         slot.reset(task)
         return slot
 
 
-class Slot:
+class AskedPlanner:
     """One planner that is asked: remembers the speeds of its last answer, which `None` leaves as they are."""
 
     def __init__(self, planner: object) -> None:
@@ -87,7 +87,7 @@ class Slot:
 
 
 def replayed(
-    subject: Subject, task: Task, observations: Iterable[Observation], slot: Slot | None = None
+    subject: Subject, task: Task, observations: Iterable[Observation], slot: AskedPlanner | None = None
 ) -> list[Speeds]:
     """Return the speeds that a planner answers to observations, one after the other, after a reset to the task.
 

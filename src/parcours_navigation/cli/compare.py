@@ -61,10 +61,11 @@ def command(
     from parcours.report.page import to_html
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
+    from parcours.run.campaign import Interrupted
     from parcours_navigation.comparison.analysis import analyse
     from parcours_navigation.comparison.document import comparison_document
     from parcours_navigation.comparison.page import compare_page
-    from parcours_navigation.comparison.running import Interrupted, run_comparison
+    from parcours_navigation.comparison.running import run_comparison
     from parcours_navigation.comparison.tables import to_markdown_page
     from parcours_navigation.requirements.requirement import read_requirements
 

@@ -20,18 +20,26 @@ from parcours_navigation.comparison.results import (
     RULES,
     STUCK,
     TESTED,
+    ComparisonResults,
     Contender,
     DecisionTimes,
     Facts,
     Flags,
     Floats,
-    Results,
 )
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.measures.benchmarks import BENCHMARKS, score
-from parcours_navigation.measures.scores import Column, Runs
+from parcours_navigation.measures.scores import Runs, ScoreColumn
 from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome
-from parcours_navigation.study.distribution import GOAL, START, Summary, reached, spl_of, summarised, time_to_goal
+from parcours_navigation.study.distribution import (
+    GOAL,
+    START,
+    MeasureSummary,
+    reached,
+    spl_of,
+    summarised,
+    time_to_goal,
+)
 
 DIFFERENT_ANSWERS = (
     "Planners with published computing times keep them. The others answer instantly, which no real machine does, "
@@ -60,7 +68,7 @@ class Standing:
     clearances: Floats  # least gap to an obstacle [m], shape (n_cases,)
     spl: float
     sct: float | None  # None if not known of any case
-    measures: Mapping[str, Summary]  # by the names of `distribution.SHOWN`
+    measures: Mapping[str, MeasureSummary]  # by the names of `distribution.SHOWN`
     errors: Sequence[tuple[str, int]]  # reasons of its own errors, commonest first, with the number of cases
 
     @property
@@ -102,7 +110,7 @@ class Score:
 class Analysis:
     """What a comparison says."""
 
-    results: Results
+    results: ComparisonResults
     standings: tuple[Standing, ...]  # one a planner, in the order given
     solvable: int | None  # None if no oracle was asked
     unsolvable: int | None
@@ -121,7 +129,7 @@ class Analysis:
         return tuple(one.name for one in self.standings)
 
 
-def analyse(results: Results) -> Analysis:
+def analyse(results: ComparisonResults) -> Analysis:
     """Return what a comparison says. Raises BadRequest if the planners ran other cases."""
     every = results.contenders
     flags = [reached(c.facts) for c in every]
@@ -148,7 +156,7 @@ def _rate(yes: Flags, among: Flags | None = None) -> Rate:
     return wilson(int(yes.sum()), len(yes)) if among is None else wilson(int((yes & among).sum()), int(among.sum()))
 
 
-def _standing(results: Results, contender: Contender, shared: Flags) -> Standing:
+def _standing(results: ComparisonResults, contender: Contender, shared: Flags) -> Standing:
     facts, codes = contender.facts, contender.outcomes
     good, times = reached(facts), time_to_goal(facts)
     can, cannot = results.solvable, results.unsolvable
@@ -216,7 +224,7 @@ def finite(values: Floats) -> Floats:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def benchmark_scores(results: Results) -> tuple[Score, ...]:
+def benchmark_scores(results: ComparisonResults) -> tuple[Score, ...]:
     """Return every score of every mode; empty if the cases were not measured.
 
     Modes of REPRODUCING are over the cases that were run again, the rest over all.
@@ -233,7 +241,7 @@ def benchmark_scores(results: Results) -> tuple[Score, ...]:
     return tuple(found)
 
 
-def _columns(results: Results, contender: Contender, benchmark: str, mode: str) -> tuple[Column, ...]:
+def _columns(results: ComparisonResults, contender: Contender, benchmark: str, mode: str) -> tuple[ScoreColumn, ...]:
     """Return the columns of one planner; none where the mode needs tracks and no case was run again."""
     published = contender.published if mode in REPRODUCING else None
     if mode in REPRODUCING and published is None:

@@ -19,7 +19,7 @@ from parcours_navigation.comparison.results import DecisionTimes
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.handed_out import planner_seed
-from parcours_navigation.guests.host import Host
+from parcours_navigation.guests.host import GuestHost
 from parcours_navigation.guests.planners import Plugin, load_planner
 from parcours_navigation.protocol import Answer, Observation, Task
 from parcours_navigation.study.study import NavigationStudy
@@ -116,7 +116,7 @@ class _TimeCase:
             taken.append((time.perf_counter() - before) * 1e6)
             return answer
 
-        host = Host(replace(plugin, observe=observe), self.study.setting(), self.study.heartbeat_words)
+        host = GuestHost(replace(plugin, observe=observe), self.study.setting(), self.study.heartbeat_words)
         facts = host.run(self.study.staged(np.array([number])), self.study.cases.seed)
         wrong = facts[0]["reason"].decode("utf-8", "replace") if facts[0]["error"] else ""
         return taken[1:], f"failed: {wrong}" if wrong else ""

@@ -14,7 +14,7 @@ import numpy as np
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.verdict.statistics import RateDifference, holm, rate_difference
 from parcours_navigation.comparison.pairing import TimeDifference, time_difference
-from parcours_navigation.comparison.results import Contender, Results
+from parcours_navigation.comparison.results import ComparisonResults, Contender
 from parcours_navigation.requirements.judging import FAR, holds
 from parcours_navigation.requirements.tables import requirement_table
 
@@ -33,7 +33,7 @@ class RequirementTest:
     p_robustness: float | None
 
 
-def requirement_tests(results: Results) -> tuple[RequirementTest, ...]:
+def requirement_tests(results: ComparisonResults) -> tuple[RequirementTest, ...]:
     """Return the tests of each planner against the first, requirement by requirement."""
     requirements = results.requirements
     raw: list[tuple[str, str, str, str, RateDifference, TimeDifference | None]] = []
@@ -74,7 +74,7 @@ def _facts(contender: Contender) -> np.ndarray:
     return found
 
 
-def requirement_tables(results: Results) -> tuple[Table, ...]:
+def requirement_tables(results: ComparisonResults) -> tuple[Table, ...]:
     """Return what became of the requirements, and the tests; nothing if nothing is required."""
     counted = requirement_table({one.name: one.required for one in results.contenders})
     found = () if counted is None else (counted, tests_table(results)) if len(results.contenders) > 1 else (counted,)
@@ -94,7 +94,7 @@ class OwnMeasured:
     p_value: float | None  # by Holm's method over all own measures
 
 
-def own_measured(results: Results) -> tuple[OwnMeasured, ...]:
+def own_measured(results: ComparisonResults) -> tuple[OwnMeasured, ...]:
     """Return the user's own measures of each planner, on the pairs of cases in which both have one."""
     first, rows = results.contenders[0], []
     for one in results.requirements.measures:
@@ -108,7 +108,7 @@ def own_measured(results: Results) -> tuple[OwnMeasured, ...]:
     return tuple(OwnMeasured(*row, None if row[-1] is None else next(corrected)) for row in rows)
 
 
-def own_table(results: Results) -> Table:
+def own_table(results: ComparisonResults) -> Table:
     """Return the user's own measures, planner by planner."""
     rows: list[tuple[Cell, ...]] = []
     for one in own_measured(results):
@@ -125,7 +125,7 @@ def own_table(results: Results) -> Table:
     return Table("Own measures", tuple(map(Column, heads)), tuple(rows), note)
 
 
-def tests_table(results: Results) -> Table:
+def tests_table(results: ComparisonResults) -> Table:
     """Return the tests against the first planner."""
     rows: list[tuple[Cell, ...]] = []
     for one in requirement_tests(results):
@@ -160,7 +160,7 @@ def _p(p_value: float) -> Cell:
     return Marked(text, "neutral") if p_value < 0.05 else text
 
 
-def requirement_document(results: Results) -> dict[str, object]:
+def requirement_document(results: ComparisonResults) -> dict[str, object]:
     """Return it all as JSON values."""
     return {
         "of_planners": {one.name: [each.document() for each in one.required] for one in results.contenders},

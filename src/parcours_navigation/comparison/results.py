@@ -111,7 +111,7 @@ RULES: dict[str, Callable[[Facts], Flags]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Results:
+class ComparisonResults:
     """A whole comparison."""
 
     contenders: tuple[Contender, ...]  # in the order given; the others are tested against the first

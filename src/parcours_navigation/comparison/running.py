@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.run.campaign import run_campaign
+from parcours.run.campaign import Interrupted, run_campaign
 from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign, create
 from parcours.run.strangers import Simulate
 from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.comparison.deciding import decision_times
-from parcours_navigation.comparison.results import AT_ONCE, Contender, Results
+from parcours_navigation.comparison.results import AT_ONCE, ComparisonResults, Contender
 from parcours_navigation.facts import FACTS
 from parcours_navigation.guests.planners import own_loop
 from parcours_navigation.guests.scenario import Scenario
@@ -37,10 +37,6 @@ Progress = Callable[[str, int, int], None]
 """Called with (what, done, in all)."""
 
 
-class Interrupted(Exception):
-    """The user stopped the runs; what was finished is in the folder."""
-
-
 def run_comparison(
     names: Sequence[str],
     folder: Path,
@@ -55,7 +51,7 @@ def run_comparison(
     timed: int = 3,
     requirements: Requirements = NO_REQUIREMENTS,
     progress: Progress = lambda what, done, total: None,
-) -> Results:
+) -> ComparisonResults:
     """Run planners on the same cases and return what became of them. Interrupted work is resumed.
 
     Args:
@@ -108,7 +104,7 @@ def run_comparison(
     known = oracle(cases, numbers, lambda done, total: progress("which cases are solvable", done, total))
     survival = survived(cases, numbers)
     made = tuple(contenders)
-    return Results(made, cases.protocol, seed, n_cases, vectors, command_delay, known, survival, requirements)
+    return ComparisonResults(made, cases.protocol, seed, n_cases, vectors, command_delay, known, survival, requirements)
 
 
 def _shown(folder: Path) -> str:

@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from parcours.abtc import Event
-from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, Call, Message
-from parcours.run.binding.slots import Slot
+from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, RawMessage, ServiceCall
+from parcours.run.binding.slots import ProcessSlot
 from parcours.run.enforcement import Precedence, instance_name
 from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.judging import AbstractJudge
@@ -102,11 +102,11 @@ class AbstractDrive:
     """
 
     def __init__(self, session: Session, judge: AbstractJudge, maker: Maker, events: Sequence[Event],
-                 early: Sequence[Message] = ()) -> None:  # fmt: skip
+                 early: Sequence[RawMessage] = ()) -> None:  # fmt: skip
         self._session, self._relay, self._judge, self._maker = session, session.relay, judge, maker
         self._events, self._early = events, early
         self._binding = session.host.binding
-        self._slots: dict[int, Slot] = {
+        self._slots: dict[int, ProcessSlot] = {
             slot.reference: slot for slot in session.slot_plan.slots if slot.reference is not None
         }
         self._beside = {slot.name for slot in session.slot_plan.slots if slot.reference is None}
@@ -118,7 +118,7 @@ class AbstractDrive:
             self._to_do.setdefault(event.reference, deque()).append(turn)
         self._done: set[int] = set()
         self._precedence = Precedence(events)
-        self._gates: dict[tuple[int, str], deque[Message]] = {}
+        self._gates: dict[tuple[int, str], deque[RawMessage]] = {}
         self._frozen: set[int] = set()
         self._answering: dict[str, bool] = {}
         self._failed = ""
@@ -156,7 +156,7 @@ class AbstractDrive:
         wrong = self._failed or watch.deviations or self._session.deaths or watch.unreadable
         return bool(wrong) or len(self._done) == len(self._events)
 
-    def _made(self, channel: str, call: Call | None = None) -> Message:
+    def _made(self, channel: str, call: ServiceCall | None = None) -> RawMessage:
         data = self._maker.of_the_environment(channel, self._session.now() - self._session.case_began, call)
         return self._relay.made(channel, data)
 
@@ -235,7 +235,7 @@ class AbstractDrive:
             self._relay.release(replace(message, call=None), slot.name)
         turn.last = self._session.now()
 
-    def _call_of(self, slot: Slot, channel: str) -> Call | None:
+    def _call_of(self, slot: ProcessSlot, channel: str) -> ServiceCall | None:
         service = self._binding.channel(channel).address
         spokes = [one.address for one in self._session.slot_plan.spokes
                   if one.slot == slot.name and one.side == "out" and channel in one.channels]  # fmt: skip
@@ -275,7 +275,7 @@ class AbstractDrive:
                 self._relay.note(STOPPED, slot.component(component))
         return True
 
-    def _only_answers(self, slot: Slot) -> bool:
+    def _only_answers(self, slot: ProcessSlot) -> bool:
         """Whether no component of the process may send anything that no message has led to."""
         if slot.node.name not in self._answering:
             machines = [one for name in slot.node.components for one in self._binding.model.component(name).machines]
@@ -297,7 +297,7 @@ class AbstractDrive:
 
     # What nodes say.
 
-    def _arrived(self, message: Message) -> None:
+    def _arrived(self, message: RawMessage) -> None:
         reference = self._of_slot.get(message.slot, -1)
         to_do = self._to_do.get(reference)
         turn = to_do[0] if to_do else None
@@ -311,7 +311,7 @@ class AbstractDrive:
             turn.is_given = True
             self._finish(reference, turn)
 
-    def _gated(self, event: Event, message: Message) -> None:
+    def _gated(self, event: Event, message: RawMessage) -> None:
         sent = next(send for send in event.sends if send.channel == message.channel)
         self._relay.settle(message)
         if self._binding.channel(message.channel).action and message.call is not None and message.call.reply:
@@ -322,13 +322,13 @@ class AbstractDrive:
         else:
             self._relay.collect(message)
 
-    def _strays(self, message: Message, event: Event) -> bool:
+    def _strays(self, message: RawMessage, event: Event) -> bool:
         """Whether the machine whose turn it is sends such messages, but not now."""
         machines = self._binding.model.component(event.component).machines
         own = (one.transitions for one in machines if one.name == event.machine)
         return any(send.channel == message.channel for each in own for transition in each for send in transition.sends)
 
-    def _aside(self, message: Message, turn: _Turn | None) -> None:
+    def _aside(self, message: RawMessage, turn: _Turn | None) -> None:
         """Something that is no part of the case: the tester takes it, and answers what is asked, or lets a node."""
         if message.slot in self._beside and self._binding.channel(message.channel).part == "response":
             self._relay.release(message)
@@ -348,7 +348,7 @@ class AbstractDrive:
             else:
                 self._relay.release(message, server)
 
-    def _server_beside(self, message: Message) -> str | None:
+    def _server_beside(self, message: RawMessage) -> str | None:
         """Return the slot of the node that answers a call that is no part of the case; None if the tester does."""
         if self._binding.channel(message.channel).answer != "node" or message.slot in self._beside:
             return None

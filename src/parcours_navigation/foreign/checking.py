@@ -13,7 +13,7 @@ from parcours.run.hosts.foreign.graph import types_of
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours.run.trace import TraceEvent
-from parcours_navigation.foreign.isolation import Order, run_apart
+from parcours_navigation.foreign.isolation import ProcessOrder, run_apart
 from parcours_navigation.foreign.quiescence import proposals
 
 
@@ -50,7 +50,7 @@ def check_nodes(binding: Binding, master: str, network: str) -> list[str]:
     """
     with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
         own = is_own(binding, master, network)
-        [result] = run_apart(Order(binding.source, folder, own, master, only_check=True))
+        [result] = run_apart(ProcessOrder(binding.source, folder, own, master, only_check=True))
     return [str(one) for one in cast(list[object], result["proposals"])]
 
 

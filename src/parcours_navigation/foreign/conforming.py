@@ -20,7 +20,7 @@ from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPP
 from parcours.run.binding.structure import Binding
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
-from parcours.verdict.conformance import Checker, Deviation
+from parcours.verdict.conformance import Checker, TraceDeviation
 
 SLACK = 500_000_000
 """How much later a message may arrive that was sent first, on another topic [ns]."""
@@ -117,7 +117,7 @@ class _Followed:
         if not self._waiting:
             self.checker.quiet(self._own(now))
 
-    def deviation(self) -> Deviation | None:
+    def deviation(self) -> TraceDeviation | None:
         """Return the first deviation, at the time of the trace."""
         found = self.checker.deviation
         return None if found is None else replace(found, component=self.name, time=found.time + self._away)
@@ -231,7 +231,7 @@ class Conformers:
                 followed.receive(event)
 
     @property
-    def deviations(self) -> tuple[Deviation, ...]:
+    def deviations(self) -> tuple[TraceDeviation, ...]:
         """The first deviation of each component that deviated, in order of time."""
         found = (followed.deviation() for followed in self._followed.values())
         return tuple(sorted((one for one in found if one is not None), key=lambda one: one.time))

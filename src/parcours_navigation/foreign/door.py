@@ -26,7 +26,7 @@ from parcours.run.faults import read_plan
 from parcours.run.recording.topic import no_bag
 from parcours.study.journal import Journal, read_question, write_question
 from parcours.study.parameters import Parameter, Settings
-from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Run
+from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Run, StudyFinding
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import parse_bound
@@ -34,7 +34,7 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.foreign.abstract import PATIENCE
 from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes, in_orders
 from parcours_navigation.foreign.checking import check_nodes, check_types, is_own
-from parcours_navigation.foreign.isolation import Order, run_apart
+from parcours_navigation.foreign.isolation import ProcessOrder, run_apart
 from parcours_navigation.foreign.results import RosResults, tables, waterfalls
 from parcours_navigation.foreign.timing import spans
 
@@ -202,13 +202,13 @@ class RosStudy:
         judged, recorded, id = rejudge(recording, self.binding)
         return Rejudged(recording, f"{self.name}/{id}", recorded, judged.judgement)
 
-    def check(self, progress: Progress) -> Sequence[Finding]:
+    def check(self, progress: Progress) -> Sequence[StudyFinding]:
         """Check the binding: its form, message types, and, with the nodes started, what they register."""
         settings = {one.name: one.default for one in self.parameters}
-        found: list[Finding] = []
+        found: list[StudyFinding] = []
         if not settings[SYSTEM] and self.binding.system is not None:
             rule = "the binding describes some, but none is run"
-            found.append(Finding("note", "system cases", rule, "write system: 10"))
+            found.append(StudyFinding("note", "system cases", rule, "write system: 10"))
         master, network = str(settings["master"]), str(settings["network"])
         checks: tuple[tuple[str, Callable[[], list[str] | None]], ...] = (
             ("message types", lambda: check_types(self.binding, others=True)),
@@ -219,11 +219,11 @@ class RosStudy:
             try:
                 for said in check() or ():
                     where, _, rule = said.partition(": ")
-                    found.append(Finding("note", where, *rule.split("; ", 1)))
+                    found.append(StudyFinding("note", where, *rule.split("; ", 1)))
             except ParcoursError as error:
                 absent = error.slug in ("no-ros1", "ros2-missing", "network-namespace")
                 rule = f"not checked: {error.rule}" if absent else error.rule
-                found.append(Finding("note" if absent else "error", f"{what}, {error.where}", rule, error.remedy))
+                found.append(StudyFinding("note" if absent else "error", f"{what}, {error.where}", rule, error.remedy))
                 break  # what comes after would only say it again
         progress("checks", len(checks), len(checks))
         return found
@@ -312,9 +312,9 @@ class RosStudy:
         order = self._order(settings, request.seed, request.out, left)
         yield from run_apart(dataclasses.replace(order, passive=passive))
 
-    def _order(self, settings: Settings, seed: int, out: Path, ids: Sequence[str]) -> Order:
+    def _order(self, settings: Settings, seed: int, out: Path, ids: Sequence[str]) -> ProcessOrder:
         system = [id for id in ids if id.startswith(f"{SYSTEM}/")]
-        return Order(
+        return ProcessOrder(
             self.binding.source, str(out), is_own(self.binding, settings["master"], settings["network"]),
             str(settings["master"]), seed, str(settings["protocol"]), str(settings["faults"]), str(settings["record"]),
             int(settings["repeats"]), tuple(id for id in ids if id not in system),

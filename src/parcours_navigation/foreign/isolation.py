@@ -32,7 +32,7 @@ _ENDING = 15.0
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ProcessOrder:
     """What is wanted of a process apart.
 
     Attributes:
@@ -68,7 +68,7 @@ class Order:
     only_check: bool = False
 
 
-def run_apart(order: Order) -> Iterator[dict[str, object]]:
+def run_apart(order: ProcessOrder) -> Iterator[dict[str, object]]:
     """Yield the result of each case (`results.entry_of`) as soon as it is known. Closing it ends the nodes.
 
     Raises:
@@ -123,7 +123,7 @@ def main(descriptor: int) -> None:
     signal.signal(signal.SIGTERM, _stop)
     try:
         given = json.loads(sys.stdin.readline())
-        order = Order(**given)
+        order = ProcessOrder(**given)
         if order.own:
             from parcours.run.hosts.isolation import enter_own_network
 
@@ -149,7 +149,7 @@ def _end_with_study() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _obey(order: Order, say: Callable[[str, object], None]) -> None:
+def _obey(order: ProcessOrder, say: Callable[[str, object], None]) -> None:
     from parcours.run.binding import read_binding
     from parcours.run.hosts.foreign.host import ForeignHost
 

@@ -26,10 +26,10 @@ from parcours.run.enforcement import disorder
 from parcours.run.hosts.realtime import DIED
 from parcours.run.recording import Raw
 from parcours.run.trace import Trace, TraceEvent, held
-from parcours.verdict.conformance import Deviation
+from parcours.verdict.conformance import TraceDeviation
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.conforming import Conformers
-from parcours_navigation.foreign.world import ForeignWorld, Scene
+from parcours_navigation.foreign.world import CaseKey, ForeignWorld
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 
 FAULTY = "under faults"
@@ -42,7 +42,7 @@ _LATEST = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedCase:
     """What became of a case.
 
     Attributes:
@@ -57,7 +57,7 @@ class Judged:
     judgement: Judgement
     outcome: str = ""
     deaths: tuple[tuple[str, str], ...] = ()
-    deviations: tuple[Deviation, ...] = ()
+    deviations: tuple[TraceDeviation, ...] = ()
     held: tuple[int, ...] = ()
     scheduling: tuple[tuple[str, str], ...] = ()
 
@@ -162,7 +162,7 @@ class _Watch:
             self.is_unfinished = not self._beside.close(_LATEST)
 
     @property
-    def deviations(self) -> tuple[Deviation, ...]:
+    def deviations(self) -> tuple[TraceDeviation, ...]:
         return () if self.is_faulty else self.conformers.deviations
 
     @property
@@ -204,7 +204,7 @@ class SystemJudge:
         live: whether the case runs meanwhile.
     """
 
-    def __init__(self, compiled: Compiled, scene: Scene, names: Sequence[str], *, live: bool = False) -> None:
+    def __init__(self, compiled: Compiled, scene: CaseKey, names: Sequence[str], *, live: bool = False) -> None:
         system = compiled.binding.system
         assert system is not None
         self._compiled, self._system = compiled, system
@@ -244,7 +244,7 @@ class SystemJudge:
             self.watch.error = self.watch.error or error
             return None
 
-    def judged(self) -> Judged:
+    def judged(self) -> JudgedCase:
         """Return the verdict; the case must have ended."""
         watch = self.watch
         watch.close()
@@ -256,7 +256,8 @@ class SystemJudge:
             judgement = watch.fair(watch.first() or Judgement(VERDICT_OF[outcome], why))
         if why not in judgement.why:
             judgement = replace(judgement, why=f"{judgement.why}; {why}")
-        return Judged(judgement, outcome.name.lower().replace("_", " "), tuple(watch.deaths.items()), watch.deviations,
+        name = outcome.name.lower().replace("_", " ")
+        return JudgedCase(judgement, name, tuple(watch.deaths.items()), watch.deviations,
                       scheduling=tuple(watch.scheduling.items()))  # fmt: skip
 
 
@@ -284,14 +285,14 @@ class AbstractJudge:
         if event.kind == "deviation":
             self._stopped = event.text
 
-    def judged(self) -> Judged:
+    def judged(self) -> JudgedCase:
         """Return the verdict."""
         watch = self.watch
         watch.close()
         trace = Trace("wall", tuple(sorted(self._trace, key=lambda event: event.time)))
         times = tuple(held(trace).values())
         judgement = watch.fair(watch.first() or self._order(trace, times))
-        return Judged(judgement, "", tuple(watch.deaths.items()), watch.deviations, times,
+        return JudgedCase(judgement, "", tuple(watch.deaths.items()), watch.deviations, times,
                       tuple(watch.scheduling.items()))  # fmt: skip
 
     def _order(self, trace: Trace, times: tuple[int, ...]) -> Judgement:

@@ -13,8 +13,8 @@ from parcours.run.recording import Raw, Recorder, read_recording
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.cases import find_scenes
-from parcours_navigation.foreign.judging import AbstractJudge, Beside, Judged, SystemJudge
-from parcours_navigation.foreign.world import Scene
+from parcours_navigation.foreign.judging import AbstractJudge, Beside, JudgedCase, SystemJudge
+from parcours_navigation.foreign.world import CaseKey
 
 
 class Tape:
@@ -54,7 +54,7 @@ def recording_place(id: str, form: str) -> str:
     return f"recordings/{file_name(id)}.{form}"
 
 
-def rejudge(path: Path, binding: Binding) -> tuple[Judged, str, str]:
+def rejudge(path: Path, binding: Binding) -> tuple[JudgedCase, str, str]:
     """Return what a recording is judged to be, the verdict that was recorded, and the case's id without the study.
 
     Args:
@@ -79,7 +79,7 @@ def rejudge(path: Path, binding: Binding) -> tuple[Judged, str, str]:
         if binding.system is None:
             rule = "is of a system case, but the binding has no 'system'"
             raise BadResults(str(path), rule, slug="foreign-recording")
-        scene = Scene(seed, int(number), about.get("protocol", "table-vii"))  # type: ignore[arg-type]
+        scene = CaseKey(seed, int(number), about.get("protocol", "table-vii"))  # type: ignore[arg-type]
         judge, case = SystemJudge(compiled, scene, names), f"system/{number}"
     else:
         found = find_scenes(binding, seed, [case])
@@ -92,5 +92,5 @@ def rejudge(path: Path, binding: Binding) -> tuple[Judged, str, str]:
         judge.observe(event)
     judged = judge.judged()
     if recording.missing:
-        judged = Judged(Judgement(Verdict.INCONCLUSIVE, f"the recording is not whole: {recording.missing}"))
+        judged = JudgedCase(Judgement(Verdict.INCONCLUSIVE, f"the recording is not whole: {recording.missing}"))
     return judged, about.get("verdict", ""), case

@@ -19,7 +19,7 @@ from parcours.study.journal import read_journal
 from parcours.study.protocol import Measure
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Chain, parse_bound
-from parcours_navigation.foreign.judging import Judged
+from parcours_navigation.foreign.judging import JudgedCase
 
 _TONE: dict[Verdict, Tone] = {
     Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INCONCLUSIVE: "poor", Verdict.ERROR: "worst",
@@ -42,7 +42,7 @@ class Result:
 
     id: str
     kind: str
-    judged: Judged
+    judged: JudgedCase
     seconds: float
     scene: str = ""
     recording: str = ""
@@ -72,7 +72,7 @@ class Result:
 def _kept(entry: Mapping[str, Any], study: str) -> Result:
     """Return the result of an entry, with the study's name in its id. Raises ValueError if it is damaged."""
     judgement = Judgement(Verdict(entry["verdict"]), str(entry["why"]))
-    judged = Judged(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]),
+    judged = JudgedCase(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]),
                     tuple(entry.get("scheduling", {}).items()))  # fmt: skip
     kept = entry["timing"]
     timing = TimingCase(kept["name"], tuple(kept["durations"]), parse_bound(kept["bound"]), judgement) if kept else None

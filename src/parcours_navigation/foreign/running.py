@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from parcours.errors import HostFailure
-from parcours.run.binding.passing import ENDS, Message
+from parcours.run.binding.passing import ENDS, RawMessage
 from parcours.run.binding.slots import apart, whole
 from parcours.run.faults import FaultPlan, read_plan
 from parcours.run.hosts.foreign.host import ForeignHost
@@ -21,14 +21,14 @@ from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive
 from parcours_navigation.foreign.cases import AbstractScene, find_scenes
-from parcours_navigation.foreign.isolation import Order
-from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge, excused
+from parcours_navigation.foreign.isolation import ProcessOrder
+from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, JudgedCase, SystemJudge, excused
 from parcours_navigation.foreign.recorded import Tape, recording_place
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.setup_steps import act
 from parcours_navigation.foreign.tester_messages import Maker
-from parcours_navigation.foreign.timing import Exercise, Shares, driven, is_exercised, spans, steps, timed
-from parcours_navigation.foreign.world import ForeignWorld, Scene
+from parcours_navigation.foreign.timing import Shares, SpanExercise, driven, is_exercised, spans, steps, timed
+from parcours_navigation.foreign.world import CaseKey, ForeignWorld
 
 _SWITCH = 0.0005
 """How long one thread of the tester goes on before another that waits may [s]."""
@@ -124,7 +124,7 @@ class ForeignStudy:
         BadRequest: the plan of faults is wrong.
     """
 
-    def __init__(self, host: ForeignHost, order: Order) -> None:
+    def __init__(self, host: ForeignHost, order: ProcessOrder) -> None:
         self._host, self._order = host, order
         self._faults = read_plan(order.faults) if order.faults else FaultPlan(0)
         self._spans = spans(host.binding)
@@ -143,11 +143,11 @@ class ForeignStudy:
         for id in order.abstract:
             yield self._guarded(id, scenes[id])
         for number in order.system:
-            yield self._guarded(f"system/{number}", Scene(order.seed, number, order.protocol))  # type: ignore[arg-type]
+            yield self._guarded(f"system/{number}", CaseKey(order.seed, number, order.protocol))  # type: ignore[arg-type]
         if order.repeats and self._spans:
             yield from self._timing()
 
-    def _guarded(self, id: str, scene: AbstractScene | Scene) -> Result:
+    def _guarded(self, id: str, scene: AbstractScene | CaseKey) -> Result:
         """Return the result of a case; what goes wrong with one after the first is its own error."""
         try:
             result = self._run(id, scene)
@@ -155,19 +155,19 @@ class ForeignStudy:
             if self._n_run == 0 and error.slug != "foreign-instances":
                 raise
             verdict = Verdict.INCONCLUSIVE if error.slug == "foreign-instances" else Verdict.ERROR
-            kind = "system" if isinstance(scene, Scene) else "abstract"
-            result = Result(id, kind, Judged(Judgement(verdict, str(error))), 0.0, scene.id)
+            kind = "system" if isinstance(scene, CaseKey) else "abstract"
+            result = Result(id, kind, JudgedCase(Judgement(verdict, str(error))), 0.0, scene.id)
         self._n_run += 1
         return result
 
-    def _run(self, id: str, scene: AbstractScene | Scene) -> Result:
-        host, binding, is_system = self._host, self._host.binding, isinstance(scene, Scene)
-        if isinstance(scene, Scene) and binding.system is not None:
+    def _run(self, id: str, scene: AbstractScene | CaseKey) -> Result:
+        host, binding, is_system = self._host, self._host.binding, isinstance(scene, CaseKey)
+        if isinstance(scene, CaseKey) and binding.system is not None:
             ForeignWorld(binding.system, scene).advance(100_000_000)  # compiled before anybody waits for it
         slot_plan = apart(binding, scene.references) if isinstance(scene, AbstractScene) else whole(binding)
         subscriber = _Subscriber()
         session = Session(host, slot_plan, faults=self._faults, listener=subscriber)
-        early: list[Message] = []  # requests that wait for an abstract case; of topics, what comes before is noted
+        early: list[RawMessage] = []  # requests that wait for an abstract case; of topics, what comes before is noted
         if not is_system:
             session.relay.arrived = lambda one: early.append(one) if one.call else session.relay.collect(one)
         try:
@@ -181,7 +181,7 @@ class ForeignStudy:
             with _attentive():
                 judge: SystemJudge | AbstractJudge
                 drive: SystemDrive | AbstractDrive
-                if isinstance(scene, Scene):
+                if isinstance(scene, CaseKey):
                     judge = SystemJudge(compiled, scene, names, live=True)
                     drive = SystemDrive(session, judge, Maker(compiled))
                 else:
@@ -204,13 +204,13 @@ class ForeignStudy:
         kind = "system" if is_system else "abstract"
         return Result(id, kind, judged, seconds, scene.id, recording, passive=passive)
 
-    def _tape(self, session: Session, scene: AbstractScene | Scene, names: Sequence[str]) -> Tape | None:
+    def _tape(self, session: Session, scene: AbstractScene | CaseKey, names: Sequence[str]) -> Tape | None:
         order = self._order
         if not order.record:
             return None
         about = {**order.about, "binding": self._host.binding.name, "seed": str(order.seed), "names": " ".join(names),
                  "faults": str(self._faults) if self._faults else ""}  # fmt: skip
-        if isinstance(scene, Scene):
+        if isinstance(scene, CaseKey):
             about |= {"kind": "system", "number": str(scene.number), "protocol": scene.protocol}
         else:
             about |= {"kind": "abstract"}
@@ -232,7 +232,7 @@ class ForeignStudy:
         try:
             session.start()
             with NoiseMeter(trips=2, work=100_000) as meter, real_time():
-                exercise = Exercise(session, Maker(self._host.compile()), meter)
+                exercise = SpanExercise(session, Maker(self._host.compile()), meter)
                 subscriber.add(exercise.listen)
                 for span in self._spans:
                     # The tester can send what the span begins with.
@@ -251,7 +251,7 @@ class ForeignStudy:
                 judgement = excused(one.judgement, scheduling)
                 one = replace(one, judgement=judgement)
                 id = f"timing/{span.name}/{one.bound}"
-                judged = Judged(judgement, scheduling=tuple(scheduling.items()))
+                judged = JudgedCase(judgement, scheduling=tuple(scheduling.items()))
                 yield Result(id, "timing", judged, time.monotonic() - began, timing=one, chain=chain)
 
 
@@ -265,7 +265,7 @@ def dry_run(session: Session, listeners: list[Callable[[TraceEvent], None]]) -> 
     act(session, "before_case")
     compiled = session.host.compile()
     with _attentive():
-        judge = SystemJudge(compiled, Scene(1, 0, "empty"), [])
+        judge = SystemJudge(compiled, CaseKey(1, 0, "empty"), [])
         for event in session.relay.events:
             judge.observe(event)
         listeners.append(judge.observe)

@@ -21,7 +21,7 @@ from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.binding import read_binding
 from parcours.run.binding.structure import Binding, BoundChannel
 from parcours.run.binding.worlds import body, odometry
-from parcours.study.loading import Source
+from parcours.study.loading import SourceFile
 from parcours_navigation.foreign.stack_nodes import StackNodes, Values
 from parcours_navigation.protocol import Answer, Command, Observation, Task, Velocity
 
@@ -38,11 +38,11 @@ def read_stack(path: Path | str) -> Binding:
     return binding
 
 
-def source_of_stack(path: Path | str) -> Source:
+def source_of_stack(path: Path | str) -> SourceFile:
     """Return what the results of a stack depend on: its binding, and the files that it names."""
     binding = read_stack(path)
     files = [Path(path).absolute(), *binding.files]
-    return Source(files[0], b"\0".join(file.read_bytes() for file in files))
+    return SourceFile(files[0], b"\0".join(file.read_bytes() for file in files))
 
 
 _RUNNING: dict[str, StackNodes | ParcoursError] = {}

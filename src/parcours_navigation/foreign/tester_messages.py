@@ -9,8 +9,8 @@ from typing import Any
 
 from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
-from parcours.run.binding.passing import Call, Message
-from parcours.run.binding.readings import Writer, message_type
+from parcours.run.binding.passing import RawMessage, ServiceCall
+from parcours.run.binding.readings import MessageWriter, message_type
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.worlds import body
 from parcours_navigation.foreign.world import LIMITS, START, robot_values
@@ -45,14 +45,14 @@ class Maker:
         """
         if channel not in self._writers:
             type_ = message_type(self._compiled.binding.channel(channel))
-            self._writers[channel] = Writer(type_, self._compiled.types, f"channel {channel!r}")
+            self._writers[channel] = MessageWriter(type_, self._compiled.types, f"channel {channel!r}")
         made: Any = self._writers[channel].message({**self._inputs, **values}, items)
         if self._compiled.binding.channel(channel).action == "goal":  # numbered, so that runs are equal
             self._n_goals += 1
             made.goal_id.uuid = list(self._n_goals.to_bytes(16, "big"))
         return self._compiled.types.packed(made)
 
-    def of_the_environment(self, channel: str, now: int, call: Call | None = None) -> bytes:
+    def of_the_environment(self, channel: str, now: int, call: ServiceCall | None = None) -> bytes:
         """Return what the environment of an abstract case says at `now` [ns since it began]: the robot is at its start.
 
         Args:
@@ -78,7 +78,7 @@ class Maker:
         is_each = system is not None and channel in system.each
         return self.message(channel, {**values, **_OBSTACLE} if is_each else values, [_OBSTACLE])
 
-    def _request(self, channel: str, call: Call | None) -> object:
+    def _request(self, channel: str, call: ServiceCall | None) -> object:
         bound, types = self._compiled.binding.channel(channel), self._compiled.types
         if call is None or not call.request:
             return types.create(f"{bound.type}Request")
@@ -89,7 +89,7 @@ class Maker:
             rule = f"a request must be a {bound.type}, but these {len(call.request)} bytes are not one: {error}"
             raise HostFailure(where, rule, "look at its sender", slug="message-size") from error
 
-    def answer(self, relay: Relay, message: Message) -> None:
+    def answer(self, relay: Relay, message: RawMessage) -> None:
         """Answer a request in the place of a node: as the binding's `inject` says, or with an empty message."""
         if message.call is None:
             return
@@ -106,7 +106,7 @@ class Maker:
             empty = self._compiled.types.create(halves["request"].type + "Response")
             relay.finish(message.call, self._compiled.types.packed(empty))
 
-    def _answer_action(self, relay: Relay, message: Message) -> None:
+    def _answer_action(self, relay: Relay, message: RawMessage) -> None:
         """Accept a goal, or a cancellation; give a result as `inject` says."""
         assert message.call is not None
         if message.channel:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 from parcours.abtc import interaction_paths
 from parcours.model.structure import ENVIRONMENT
 from parcours.report.timings import TimingCase
-from parcours.run.binding.structure import Binding, Bound
+from parcours.run.binding.structure import Binding, BoundEntry
 from parcours.run.hosts.foreign.session import Session
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import TraceEvent
@@ -34,7 +34,7 @@ _LONGEST = 1_000_000_000
 """How long to wait for an answer [ns] before the repeat counts as one that never ended."""
 
 
-def spans(binding: Binding) -> tuple[Bound, ...]:
+def spans(binding: Binding) -> tuple[BoundEntry, ...]:
     """Return what the binding's `timing` bounds, each with the channels from and to which it is timed.
 
     An interaction runs from its first hop to its last; one of a single hop, from what its first component is given.
@@ -43,7 +43,7 @@ def spans(binding: Binding) -> tuple[Bound, ...]:
     return tuple(bound for bound in found if bound.begin and bound.end)
 
 
-def _placed(binding: Binding, bound: Bound) -> Bound:
+def _placed(binding: Binding, bound: BoundEntry) -> BoundEntry:
     """Return the limits on an interaction of the model with the channels where it begins and ends."""
     model = binding.model
     visited = dict(model.interactions).get(bound.name, ())
@@ -62,7 +62,7 @@ def _placed(binding: Binding, bound: Bound) -> Bound:
     return replace(bound, begin=between(*first), end=between(*hops[-1]))
 
 
-def steps(binding: Binding, span: Bound) -> tuple[str, ...]:
+def steps(binding: Binding, span: BoundEntry) -> tuple[str, ...]:
     """Return what takes the shares of a chain: components, and `on CHANNEL` while a message is with the tester."""
     found: list[str] = []
     for before, after in itertools.pairwise(span.channels):
@@ -70,7 +70,7 @@ def steps(binding: Binding, span: Bound) -> tuple[str, ...]:
     return tuple(found[:-1])
 
 
-def durations(events: Iterable[TraceEvent], span: Bound) -> list[Shares]:
+def durations(events: Iterable[TraceEvent], span: BoundEntry) -> list[Shares]:
     """Return how long each span took [ns], in order; of a chain the share of each of its steps."""
     if span.through:
         return list(reactions(sorted(events, key=lambda event: event.time), span.channels, span.name))
@@ -85,7 +85,7 @@ def durations(events: Iterable[TraceEvent], span: Bound) -> list[Shares]:
     return found
 
 
-def driven(events: Sequence[TraceEvent], span: Bound) -> list[Shares]:
+def driven(events: Sequence[TraceEvent], span: BoundEntry) -> list[Shares]:
     """Return how long each span took in a system case [ns]; a chain once its last channel has spoken at all."""
     if span.through:
         starts = (event.time for event in events if (event.kind, event.channel) == ("send", span.end))
@@ -94,13 +94,13 @@ def driven(events: Sequence[TraceEvent], span: Bound) -> list[Shares]:
     return durations(events, span)
 
 
-def is_exercised(span: Bound, binding: Binding) -> bool:
+def is_exercised(span: BoundEntry, binding: Binding) -> bool:
     """Whether a span that the tester can begin is repeated; chains that begin with what robots sense need a drive."""
     sensed = binding.system.sense if binding.system is not None else ()
     return not (span.through and span.begin in dict(sensed))
 
 
-class Exercise:
+class SpanExercise:
     """Makes spans happen one after the other in a started session, and measures the machine between them."""
 
     def __init__(self, session: Session, maker: Maker, meter: NoiseMeter) -> None:
@@ -112,7 +112,7 @@ class Exercise:
         if event.kind in ("send", "receive"):
             self._heard.append(event)
 
-    def run(self, span: Bound, repeats: int) -> list[Shares]:
+    def run(self, span: BoundEntry, repeats: int) -> list[Shares]:
         """Return the durations of some repeats [ns]; NEVER for one that did not end."""
         session, found = self._session, list[Shares]()
         for _ in range(repeats):
@@ -132,7 +132,7 @@ class Exercise:
         return found
 
 
-def timed(span: Bound, took: list[Shares], warm_up: int, noise: Noise | None, names: Sequence[str]) -> list[Timed]:
+def timed(span: BoundEntry, took: list[Shares], warm_up: int, noise: Noise | None, names: Sequence[str]) -> list[Timed]:
     """Return the durations of a span with their verdicts, one for each limit; the first ones do not count.
 
     Of a chain, `names` are those of its steps.

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.binding.structure import System
+from parcours.run.binding.structure import SystemEntry
 from parcours.run.binding.worlds import body, odometry
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.robot import ROBOT
@@ -42,7 +42,7 @@ LIMITS = {"radius": 0.2, "v_max": 0.33, "w_max": 0.5 * math.pi, "a_max": 1.0, "a
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class CaseKey:
     """Which case: the campaign's seed, the case's number, and by which protocol.
 
     "empty" is a world without obstacles.
@@ -80,7 +80,7 @@ class ForeignWorld:
         scene: the case.
     """
 
-    def __init__(self, system: System, scene: Scene) -> None:
+    def __init__(self, system: SystemEntry, scene: CaseKey) -> None:
         limits = LIMITS | dict(system.robot)
         obstacles = scene.obstacles(limits["radius"])
         self._scene, self._radius, self._n = scene, limits["radius"], len(obstacles)

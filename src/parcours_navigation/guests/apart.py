@@ -21,7 +21,7 @@ from parcours.errors import BadRequest, BadResults
 from parcours.run import canaries as canaries
 from parcours.run.heartbeat import write_place
 from parcours.run.workers import Crew, Done, Lost, failure_of
-from parcours.study.loading import Source
+from parcours.study.loading import SourceFile
 from parcours_navigation.guests.planners import load_planner, loaded, located, source_of
 
 LOADING = 20.0
@@ -42,9 +42,9 @@ class Introduction:
     batch_size: int = 0  # cases that it is asked for at once; 0: one at a time
 
     @property
-    def source(self) -> Source | None:
+    def source(self) -> SourceFile | None:
         """The source that every worker is to import, whatever the planner makes of its file; None without a file."""
-        return Source(Path(self.file), self.text) if self.file else None
+        return SourceFile(Path(self.file), self.text) if self.file else None
 
 
 def introduce(planner: str, patience: float = LOADING) -> Introduction:

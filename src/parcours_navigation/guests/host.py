@@ -59,7 +59,7 @@ _NO_POINTS, _FIRST = np.zeros((0, 4)), np.zeros(1, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class HostSetting:
     """What all cases of a host have in common.
 
     `period`, `delay` (an answer takes effect so much later), `longest` (no case is longer) and `extension` (an
@@ -81,7 +81,7 @@ class Setting:
         return min(round(staged.end * 1e9), self.longest)
 
 
-class Host:
+class GuestHost:
     """Runs cases with one planner, one after the other.
 
     The clock words lie in memory that is shared with the parent; so does a whole case if there is room, else it has
@@ -91,7 +91,7 @@ class Host:
         words: that are shared with the parent.
     """
 
-    def __init__(self, plugin: Plugin, setting: Setting, words: int) -> None:
+    def __init__(self, plugin: Plugin, setting: HostSetting, words: int) -> None:
         self._plugin, self._setting = plugin, setting
         self._clock = heartbeat.words(words)
         self._memory = self._clock

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 from parcours.errors import BadRequest, one_of
 from parcours.run.heartbeat import write_place
 from parcours.run.raised import is_ctrl_c, said
-from parcours.study.loading import Source, read_source
+from parcours.study.loading import SourceFile, read_source
 from parcours_navigation.guests.batch import BATCH_SIZE, LARGEST, Alone, BatchPlugin
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
@@ -101,7 +101,7 @@ class Plugin:
     batch: BatchPlugin | None = None  # what it has for batches of cases
 
 
-def source_of(planner: str) -> Source | None:
+def source_of(planner: str) -> SourceFile | None:
     """Return the source in which a planner is defined; None if it ships with Parcours or is no Python file.
 
     Imports what its module lies in. Raises BadRequest if the name is no planner's, or its module or file is missing.
@@ -109,7 +109,7 @@ def source_of(planner: str) -> Source | None:
     if planner in names():
         return None
     if is_stack(planner):
-        return cast(Source, importlib.import_module(STACKS).source_of_stack(planner))
+        return cast(SourceFile, importlib.import_module(STACKS).source_of_stack(planner))
     where, _ = _parts(planner)
     if _is_file(where):
         return _read(planner, Path(where))
@@ -117,7 +117,7 @@ def source_of(planner: str) -> Source | None:
     return _read(planner, file) if file is not None and file.suffix == ".py" else None
 
 
-def _read(planner: str, path: Path) -> Source:
+def _read(planner: str, path: Path) -> SourceFile:
     try:
         return read_source(f"planner {planner!r}", path)
     except BadRequest as error:
@@ -138,7 +138,7 @@ def located(planner: PlannerLike) -> PlannerLike:
     return f"{Path(where).absolute()}:{attribute}" if _is_file(where) else planner
 
 
-def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
+def load_planner(planner: PlannerLike, source: SourceFile | None = None) -> Plugin:
     """Return a planner that is ready to be asked. The current folder is importable.
 
     Args:
@@ -214,12 +214,12 @@ def _file_of(planner: str, module: str) -> Path | None:
     return Path(spec.origin) if spec.has_location and spec.origin else None
 
 
-def module_name(source: Source) -> str:
+def module_name(source: SourceFile) -> str:
     """Return the name of the module that a planner's file becomes."""
     return f"parcours_planner_{source.digest}"
 
 
-def _module(planner: str, where: str, source: Source | None) -> ModuleType:
+def _module(planner: str, where: str, source: SourceFile | None) -> ModuleType:
     """Import the module or file."""
     if not _is_file(where):
         if source is None or where in sys.modules:
@@ -237,7 +237,7 @@ def _module(planner: str, where: str, source: Source | None) -> ModuleType:
             sys.path.remove(folder)
 
 
-def _import_from(source: Source, where: str) -> ModuleType:
+def _import_from(source: SourceFile, where: str) -> ModuleType:
     """Import a module from its source as it was, also if its file has changed since; its packages as they are."""
     package, _, name = where.rpartition(".")
     inside = importlib.import_module(package) if package else None

@@ -18,8 +18,8 @@ from parcours_navigation.protocol import Task
 from parcours_navigation.robots.kinds import Body
 from parcours_navigation.stage.memory import Scene, Staged
 from parcours_navigation.worlds.family import WorldCases
-from parcours_navigation.worlds.plan import Plan
-from parcours_navigation.worlds.plan import Task as PlannedTask
+from parcours_navigation.worlds.plan import TaskPlan as PlannedTask
+from parcours_navigation.worlds.plan import WorldPlan
 
 Cases = SystemCases | WorldCases
 """A family of cases that planners are run on."""
@@ -65,12 +65,12 @@ def plain_scene(scenario: Scenario, robot_radius: float) -> Scene:
     return Scene(np.zeros(_N_OBSTACLES, OBSTACLE), robot, goals, scenario.goal_tolerance)
 
 
-def plan_of(cases: Cases, scenario: Scenario, number: int) -> Plan:
+def plan_of(cases: Cases, scenario: Scenario, number: int) -> WorldPlan:
     """Return what the world of a case is made of; in the paper's arena without its obstacles, which are drawn."""
     if isinstance(cases, WorldCases):
         return cases.plan(number)
     limits = scenario.limits
     body = Body("unicycle", cases.robot_radius, (), limits.speed, limits.yaw_rate, limits.acceleration,
                 limits.yaw_acceleration)  # fmt: skip
-    return Plan(PlannedTask(scenario.start, scenario.start_speed, scenario.goal, tolerance=scenario.goal_tolerance,
+    return WorldPlan(PlannedTask(scenario.start, scenario.start_speed, scenario.goal, tolerance=scenario.goal_tolerance,
                             time_limit=cases.end(scenario.time_limit)), robot=body)  # fmt: skip

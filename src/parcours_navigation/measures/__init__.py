@@ -2,7 +2,7 @@
 
 from parcours_navigation.measures.benchmarks import BENCHMARKS, barn, score
 from parcours_navigation.measures.one_case import measures_as_published, measures_of
-from parcours_navigation.measures.scores import Benchmark, Column, Runs, sct, spl
+from parcours_navigation.measures.scores import Benchmark, Runs, ScoreColumn, sct, spl
 from parcours_navigation.measures.table import AS_PUBLISHED, MEASURES, METRICS, PUBLISHED, Metric
 
 __all__ = [
@@ -12,9 +12,9 @@ __all__ = [
     "METRICS",
     "PUBLISHED",
     "Benchmark",
-    "Column",
     "Metric",
     "Runs",
+    "ScoreColumn",
     "barn",
     "measures_as_published",
     "measures_of",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import require_known
-from parcours_navigation.measures.scores import Benchmark, Column, Runs, Values, require_positive, sct, spl
+from parcours_navigation.measures.scores import Benchmark, Runs, ScoreColumn, Values, require_positive, sct, spl
 
 DYNABARN_PATH = -31.0
 """The path length that BARN's runner computes for every moving-obstacle world: goal -20 minus start 11 [m]."""
@@ -250,7 +250,7 @@ BENCHMARKS = {
 """The benchmarks by name."""
 
 
-def score(runs: Runs, benchmark: str, mode: str | None = None) -> tuple[Column, ...]:
+def score(runs: Runs, benchmark: str, mode: str | None = None) -> tuple[ScoreColumn, ...]:
     """Return the columns of a benchmark for the runs.
 
     `mode` is one of its modes: by default the first, which is free of the known defects. Raises BadRequest if benchmark
@@ -272,6 +272,6 @@ def score(runs: Runs, benchmark: str, mode: str | None = None) -> tuple[Column, 
     found = chosen.score(runs, mode or names[0])
     heads = (head.removesuffix("]").split(" [") for head in found)
     return tuple(
-        Column(name, unit, values.astype(np.float64))
+        ScoreColumn(name, unit, values.astype(np.float64))
         for (name, unit), values in zip(heads, found.values(), strict=True)
     )

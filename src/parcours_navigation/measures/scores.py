@@ -75,7 +75,7 @@ class Runs:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ScoreColumn:
     """One score of every run."""
 
     name: str  # what it is called

@@ -18,10 +18,10 @@ from parcours_navigation.others.draws import Draws
 from parcours_navigation.others.entries import Others
 from parcours_navigation.others.kinds import (
     ConstantVelocity,
-    Orca,
+    OrcaPeople,
     RandomWalk,
     Recorded,
-    SocialForce,
+    SocialForcePeople,
     Waypoints,
 )
 from parcours_navigation.others.ranges import Box, Point
@@ -39,8 +39,8 @@ _KINDS: dict[type, int] = {
     Waypoints: kinds_of_agent.WAYPOINTS,
     RandomWalk: kinds_of_agent.WALK,
     Recorded: kinds_of_agent.TRACK,
-    SocialForce: kinds_of_agent.FORCE,
-    Orca: kinds_of_agent.ORCA,
+    SocialForcePeople: kinds_of_agent.FORCE,
+    OrcaPeople: kinds_of_agent.ORCA,
 }
 
 IsFree = Callable[[float, float, float], bool]
@@ -156,10 +156,10 @@ class _Entry:
             "yields": others.effort if gives else 0.0, "x_low": -np.inf, "y_low": -np.inf, "x_high": np.inf,
             "y_high": np.inf, "heading": draws.between(-PI, PI), "first": len(self.ways), "count": 0,
         }  # fmt: skip
-        if isinstance(motion, (SocialForce, Orca)):
+        if isinstance(motion, (SocialForcePeople, OrcaPeople)):
             values |= {name: getattr(motion, name) for name in _fields_of(motion)}
             values["top"] = motion.hurry * speed
-            if isinstance(motion, Orca):  # were all tilts equal, a ring of people could stay a ring
+            if isinstance(motion, OrcaPeople):  # were all tilts equal, a ring of people could stay a ring
                 values["tilt"] = motion.tilt * draws.between(0.5, 1.5)
         elif isinstance(motion, RandomWalk):
             values |= {"slowest": motion.slowest * speed, "fastest": speed, "turn": motion.turn}
@@ -189,7 +189,7 @@ class _Entry:
     def _shared_ways(self, place: Point) -> tuple[list[Sequence[float]], int]:
         """Return the goals of a group that begins there, and what comes after the last."""
         motion = self.others.motion
-        if isinstance(motion, (SocialForce, Orca)):
+        if isinstance(motion, (SocialForcePeople, OrcaPeople)):
             goals = motion.goals or self._goals(place, motion)
             return [(motion.pause, x, y) for x, y in goals], GO_ON if motion.loop else STAND
         if isinstance(motion, Waypoints):
@@ -197,7 +197,7 @@ class _Entry:
         ends = motion.at_walls if isinstance(motion, ConstantVelocity) else getattr(motion, "ends", "stand")
         return [], GO_ON if ends == "go-on" else STAND
 
-    def _goals(self, place: Point, motion: SocialForce | Orca) -> tuple[Point, ...]:
+    def _goals(self, place: Point, motion: SocialForcePeople | OrcaPeople) -> tuple[Point, ...]:
         """Return drawn goals."""
         goals: list[Point] = []
         for _ in range(motion.drawn_goals):
@@ -261,7 +261,7 @@ class _Entry:
         return all((x - ox) * (x - ox) + (y - oy) * (y - oy) >= (reach + r) * (reach + r) for ox, oy, r in self.discs)
 
 
-def _fields_of(motion: SocialForce | Orca) -> list[str]:
+def _fields_of(motion: SocialForcePeople | OrcaPeople) -> list[str]:
     """Return the fields that AGENT has, too."""
     return [name for name in type(motion).__slots__ if name in (AGENT.names or ())]
 

@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from parcours.errors import BadRequest, require_known
-from parcours_navigation.others.kinds import MOTIONS, Motion, Orca, RandomWalk, Recorded, SocialForce, Waypoints
+from parcours_navigation.others.kinds import (
+    MOTIONS,
+    Motion,
+    OrcaPeople,
+    RandomWalk,
+    Recorded,
+    SocialForcePeople,
+    Waypoints,
+)
 from parcours_navigation.others.ranges import (
     Box,
     Point,
@@ -66,7 +74,7 @@ class Others:
                 raise BadRequest("others, number", rule, slug="others-range")
         elif not (self.places or self.area or isinstance(self.motion, Waypoints)):
             raise BadRequest("others", "they must begin somewhere", "give an area, or places", slug="others-range")
-        if isinstance(self.motion, (SocialForce, Orca)) and not (self.motion.goals or self.area):
+        if isinstance(self.motion, (SocialForcePeople, OrcaPeople)) and not (self.motion.goals or self.area):
             raise BadRequest(
                 "others", "they must have goals", "give goals, or an area to draw them in", slug="others-range"
             )
@@ -83,7 +91,7 @@ class Others:
         """No agent is ever faster [m/s]."""
         if isinstance(self.motion, Recorded):
             return self.motion.tracks.fastest
-        hurry = self.motion.hurry if isinstance(self.motion, (SocialForce, Orca)) else 1.0
+        hurry = self.motion.hurry if isinstance(self.motion, (SocialForcePeople, OrcaPeople)) else 1.0
         return hurry * (self.speed + 3.0 * self.speed_spread)
 
 

@@ -90,7 +90,7 @@ class Recorded:
 
 
 @dataclass(frozen=True, slots=True)
-class SocialForce:
+class SocialForcePeople:
     """People by social force; sources of the values in `social_force` and docs/others.md."""
 
     goals: tuple[Point, ...] = ()  # visited in turn [m]; without any, `drawn_goals` are drawn for each group
@@ -127,7 +127,7 @@ class SocialForce:
 
 
 @dataclass(frozen=True, slots=True)
-class Orca:
+class OrcaPeople:
     """People by optimal reciprocal collision avoidance; each does half the avoiding of another such person."""
 
     goals: tuple[Point, ...] = ()  # visited in turn [m]; without any, `drawn_goals` are drawn for each group
@@ -156,7 +156,7 @@ class Orca:
         )  # fmt: skip
 
 
-def _check_people(motion: SocialForce | Orca) -> None:
+def _check_people(motion: SocialForcePeople | OrcaPeople) -> None:
     require_points("goals", motion.goals)
     ranges = {
         "drawn_goals": (1, 20, ""), "pause": (0.0, 3600.0, "s"), "arrive": (0.01, 100.0, "m"), "hurry": (1.0, 3.0, ""),
@@ -167,14 +167,14 @@ def _check_people(motion: SocialForce | Orca) -> None:
         require_whole(name, getattr(motion, name))
 
 
-Motion = ConstantVelocity | Waypoints | RandomWalk | Recorded | SocialForce | Orca
+Motion = ConstantVelocity | Waypoints | RandomWalk | Recorded | SocialForcePeople | OrcaPeople
 
 MOTIONS: dict[str, type[Any]] = {
     "constant-velocity": ConstantVelocity,
     "waypoints": Waypoints,
     "random-walk": RandomWalk,
     "recorded": Recorded,
-    "social-force": SocialForce,
-    "orca": Orca,
+    "social-force": SocialForcePeople,
+    "orca": OrcaPeople,
 }
 """What `motion:` of a world file may be."""

@@ -42,7 +42,7 @@ class Requirement:
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class PassRule:
     """A pass rule: a case of which it holds has failed."""
 
     text: str
@@ -64,7 +64,7 @@ class Requirements:
     """All that a study asks of a case beside the sound outcome."""
 
     formulas: tuple[Requirement, ...] = ()
-    rules: tuple[Rule, ...] = ()
+    rules: tuple[PassRule, ...] = ()
     measures: tuple[OwnMeasure, ...] = ()
 
     def __bool__(self) -> bool:
@@ -131,7 +131,7 @@ def requirements_of(
     for text in fail:
         formula = parse(text, f"{where}fail", known, temporal=False).formula
         numbers = {name: one.number for name, one in own.items() if one.number is not None}
-        rules.append(Rule(" ".join(text.split()), cast(Formula, replaced(formula, numbers))))
+        rules.append(PassRule(" ".join(text.split()), cast(Formula, replaced(formula, numbers))))
     return Requirements(tuple(formulas), tuple(rules), tuple(own.values()))
 
 

@@ -12,8 +12,8 @@ from parcours.verdict.judgement import Verdict
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published, shares
 from parcours_navigation.requirements.judging import own_values, verdicts
 from parcours_navigation.requirements.tables import Violations, violations_of
-from parcours_navigation.study.campaigns import Campaign
-from parcours_navigation.study.distribution import Summary, measured, oracle, straight_ways, summarised, survived
+from parcours_navigation.study.campaigns import FinishedCampaign
+from parcours_navigation.study.distribution import MeasureSummary, measured, oracle, straight_ways, summarised, survived
 
 ASKED = 10_000
 """The earliest conceivable arrival, which SCT needs, and survivability are asked for this many first cases only."""
@@ -32,7 +32,7 @@ class Ended:
     outcomes: Counter[int]  # cases of each sound outcome
     paper: dict[str, int]  # cases of each of the paper's results, by the fields of `Published`
     shares: dict[Share, int]  # cases in each slice of Fig. 5b
-    measures: dict[str, Summary]  # by the names of `distribution.SHOWN`
+    measures: dict[str, MeasureSummary]  # by the names of `distribution.SHOWN`
     errors: tuple[tuple[str, int, int], ...]  # commonest first: the planner's fault, how many cases, the first of them
     required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
     judged: Counter[Verdict] | None = None  # cases of each verdict, where something is required
@@ -68,7 +68,7 @@ class Ended:
         return {"verdicts": judged, "requirements": [one.document() for one in self.required]}
 
 
-def analyse(campaign: Campaign) -> Ended:
+def analyse(campaign: FinishedCampaign) -> Ended:
     """Return how the cases of a campaign ended; asks the oracle for what SCT needs.
 
     The facts are read part by part; at once where requirements are judged, over all cases.

@@ -23,13 +23,13 @@ from parcours_navigation.outcomes import explain
 from parcours_navigation.protocol import Limits
 from parcours_navigation.requirements.judging import explained, verdicts
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements, kept
-from parcours_navigation.study.replay import Replay, Standing, replayed
+from parcours_navigation.study.replay import Replay, StandingThings, replayed
 from parcours_navigation.study.study import NavigationStudy
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import find_world
 
 
-class Campaign(TypingProtocol):
+class FinishedCampaign(TypingProtocol):
     """The finished cases of one campaign of a planner, whichever loop ran it."""
 
     @property
@@ -51,7 +51,7 @@ class Campaign(TypingProtocol):
     def parts(self) -> Iterator[NDArray[np.void]]:
         """Yield the facts part by part, as far as a summary needs them."""
 
-    def holding(self, facts: NDArray[np.void]) -> Campaign:
+    def holding(self, facts: NDArray[np.void]) -> FinishedCampaign:
         """Return it with facts of some of its cases."""
 
     @property
@@ -136,7 +136,7 @@ class NavigationResults:
         walls = land.edges()
         xs = np.concatenate([track["x"], places[:, :, 0].ravel(), [goal[0]], walls[:, ::2].ravel()])
         ys = np.concatenate([track["y"], places[:, :, 1].ravel(), [goal[1]], walls[:, 1::2].ravel()])
-        standing = Standing(
+        standing = StandingThings(
             walls, land.ground.discs, gaps, staged.scene.corners, np.array(land.goals[:-1], float).reshape(-1, 2),
             np.zeros((0, 2)) if staged.path is None else staged.path, staged.scene.scan[:4],
         )  # fmt: skip
@@ -190,7 +190,7 @@ def kept_cases(given: Mapping[str, object], seed: int, folder: Path, study: str 
     return WorldCases(seed, world, criterion=str(given["criterion"]))
 
 
-def case_results(campaign: Campaign, places: Sequence[int] | None = None) -> list[CaseResult]:
+def case_results(campaign: FinishedCampaign, places: Sequence[int] | None = None) -> list[CaseResult]:
     """Return the sound verdict of every case of a campaign, or of those at some places of its facts."""
     facts = campaign.facts if places is None else campaign.facts[list(places)]
     return [
@@ -200,7 +200,7 @@ def case_results(campaign: Campaign, places: Sequence[int] | None = None) -> lis
     ]  # fmt: skip
 
 
-def junit_results(campaigns: Mapping[str, Campaign]) -> Iterable[CaseResult]:
+def junit_results(campaigns: Mapping[str, FinishedCampaign]) -> Iterable[CaseResult]:
     """Yield the sound verdict of every case, its id led by the name given to its campaign."""
     for name, campaign in campaigns.items():
         yield from (replace(one, id=f"{name}/{one.id}") for one in case_results(campaign))

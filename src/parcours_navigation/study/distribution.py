@@ -36,7 +36,7 @@ _AT_ONCE = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class MeasureStyle:
     """How one measure is shown."""
 
     words: str  # what it is
@@ -45,27 +45,27 @@ class Shown:
     mean: bool = False  # whether its mean over all cases is shown, as for a score
 
 
-SHOWN: dict[str, Shown] = {
-    "time_to_goal": Shown("time to goal", "s"),
-    "path_length": Shown("path length", "m"),
-    "spl": Shown("SPL (mean)", "1", mean=True),
-    "sct": Shown("SCT (mean)", "1", mean=True),
-    "min_clearance": Shown("least clearance", "m"),
-    "mean_clearance": Shown("mean clearance", "m", taken=True),
-    "time_unsafe": Shown("time below 0.1 m of clearance", "s", taken=True),
-    "least_time_to_collision": Shown("least time to collision", "s", taken=True),
-    "time_halted": Shown("time in imminent collision", "s", taken=True),
-    "longest_halt": Shown("longest halt", "s", taken=True),
-    "stop_distance": Shown("stopping distance", "m", taken=True),
-    "time_at_rest": Shown("time at rest", "s", taken=True),
-    "switches": Shown("plan switches", "1"),
-    "late_cycles": Shown("planning cycles longer than their period", "%"),
-    "heading_change": Shown("heading change", "rad", taken=True),
-    "mean_curvature": Shown("mean curvature", "1/m", taken=True),
-    "squared_acceleration": Shown("squared acceleration", "m^2/s^3", taken=True),
-    "squared_jerk": Shown("squared jerk", "m^2/s^5", taken=True),
-    "mean_jerk": Shown("mean jerk", "m/s^3", taken=True),
-    "survivability": Shown("survivability of the case", "1"),
+SHOWN: dict[str, MeasureStyle] = {
+    "time_to_goal": MeasureStyle("time to goal", "s"),
+    "path_length": MeasureStyle("path length", "m"),
+    "spl": MeasureStyle("SPL (mean)", "1", mean=True),
+    "sct": MeasureStyle("SCT (mean)", "1", mean=True),
+    "min_clearance": MeasureStyle("least clearance", "m"),
+    "mean_clearance": MeasureStyle("mean clearance", "m", taken=True),
+    "time_unsafe": MeasureStyle("time below 0.1 m of clearance", "s", taken=True),
+    "least_time_to_collision": MeasureStyle("least time to collision", "s", taken=True),
+    "time_halted": MeasureStyle("time in imminent collision", "s", taken=True),
+    "longest_halt": MeasureStyle("longest halt", "s", taken=True),
+    "stop_distance": MeasureStyle("stopping distance", "m", taken=True),
+    "time_at_rest": MeasureStyle("time at rest", "s", taken=True),
+    "switches": MeasureStyle("plan switches", "1"),
+    "late_cycles": MeasureStyle("planning cycles longer than their period", "%"),
+    "heading_change": MeasureStyle("heading change", "rad", taken=True),
+    "mean_curvature": MeasureStyle("mean curvature", "1/m", taken=True),
+    "squared_acceleration": MeasureStyle("squared acceleration", "m^2/s^3", taken=True),
+    "squared_jerk": MeasureStyle("squared jerk", "m^2/s^5", taken=True),
+    "mean_jerk": MeasureStyle("mean jerk", "m/s^3", taken=True),
+    "survivability": MeasureStyle("survivability of the case", "1"),
 }
 """What is shown, in this order."""
 
@@ -173,7 +173,7 @@ def measured(
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class MeasureSummary:
     """One measure over the `n` cases that have it: its mean and quantiles, None without any case."""
 
     unit: str
@@ -184,21 +184,21 @@ class Summary:
     p95: float | None = None
 
 
-def summarised(known: Mapping[str, Values], units: Mapping[str, str] | None = None) -> dict[str, Summary]:
+def summarised(known: Mapping[str, Values], units: Mapping[str, str] | None = None) -> dict[str, MeasureSummary]:
     """Return the summary of each measure, by the names of SHOWN; `known` is what `measured` returns.
 
     `units` are those of measures that are not among SHOWN.
     """
-    found: dict[str, Summary] = {}
+    found: dict[str, MeasureSummary] = {}
     for name, values in known.items():
         values = np.where(np.isfinite(values), values, np.nan)
         n = int((~np.isnan(values)).sum())
         points = (float(np.nanmean(values)), *quantiles(values, (0.5, 0.05, 0.95))) if n else ()
-        found[name] = Summary(SHOWN[name].unit if units is None else units[name], n, *points)
+        found[name] = MeasureSummary(SHOWN[name].unit if units is None else units[name], n, *points)
     return found
 
 
-def distribution_table(title: str, known: Mapping[str, Mapping[str, Summary]], note: str = "") -> Table:
+def distribution_table(title: str, known: Mapping[str, Mapping[str, MeasureSummary]], note: str = "") -> Table:
     """Return one row a measure, one column a campaign or planner; `note` is what else must be said below."""
     every = {name: one.unit for summaries in known.values() for name, one in summaries.items()}
     names = [*(name for name in SHOWN if name in every), *(name for name in every if name not in SHOWN)]
@@ -214,7 +214,7 @@ def distribution_table(title: str, known: Mapping[str, Mapping[str, Summary]], n
     return Table(title, columns, tuple(rows), f"{NOTE} {note}".strip())
 
 
-def _cell(name: str, found: Summary | None) -> Cell:
+def _cell(name: str, found: MeasureSummary | None) -> Cell:
     if found is None or found.mean is None or found.median is None or found.p05 is None or found.p95 is None:
         return None
     if name in SHOWN and SHOWN[name].mean:

@@ -12,7 +12,7 @@ from parcours.errors import BadRequest
 from parcours.run.store import open_results
 from parcours.study.campaign.running import run_numbered
 from parcours.study.parameters import Parameter, Settings, workers_parameter
-from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Results, Run, StudyFinding
 from parcours.suite import Case
 from parcours_navigation.cases.family import LONGEST, PUBLISHED_CASES
 from parcours_navigation.cases.running import CaseStudy
@@ -162,18 +162,18 @@ class Navigation:
         raise BadRequest(str(recording), "campaigns of planners are not recorded", "replay a case instead",
                          slug="recording-case")  # fmt: skip
 
-    def check(self, progress: Progress) -> Iterable[Finding]:
+    def check(self, progress: Progress) -> Iterable[StudyFinding]:
         """Look at the requirements, and run the battery for authors of planners."""
         own = own_loop(self.planner)
         given = {one.name: str(one.default) for one in self.parameters}
         asked = read_requirements(*(given[one.name] for one in (*REQUIREMENTS, *MEASURES)))
-        noted = [Finding("warning", *one) for one in remarks(asked, signals_imminent=own is not None)]
+        noted = [StudyFinding("warning", *one) for one in remarks(asked, signals_imminent=own is not None)]
         if not self.planner or own is not None:
             return noted
         from parcours_navigation.checking.battery import check_apart
 
         report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
-        found = [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
+        found = [StudyFinding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
         return [*noted, *found]
 
 

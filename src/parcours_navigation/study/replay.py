@@ -24,7 +24,7 @@ PARTS = 1000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Standing:
+class StandingThings:
     """What stands for good in a recorded run, and the robot's shape."""
 
     walls: Floats  # ends x0, y0, x1, y1 of each [m], shape (n, 4)
@@ -36,7 +36,7 @@ class Standing:
     path: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     scan: tuple[int, float, float, float] = (0, 0.0, 0.0, 0.0)  # beams, first direction and step [rad], reach [m]
 
-    def moved(self, x: float, y: float, n: int) -> Standing:
+    def moved(self, x: float, y: float, n: int) -> StandingThings:
         """Return the same with another origin [m], for the first n times."""
         return replace(self, walls=self.walls - [x, y, x, y], discs=self.discs - [x, y, 0.0], gaps=self.gaps[:n],
                        goals=self.goals - [x, y], path=self.path - [x, y])  # fmt: skip
@@ -65,7 +65,7 @@ class Replay:
     goal: tuple[float, float]  # x and y [m]
     goal_tolerance: float  # distance to the goal that counts as reached [m]
     note: str = ""  # small print below it
-    ground: Standing | None = None  # what stands there for good
+    ground: StandingThings | None = None  # what stands there for good
     required: tuple[tuple[str, float | None], ...] = ()  # requirements, and when each is violated [s]
 
     def __post_init__(self) -> None:
@@ -114,7 +114,7 @@ def replayed(
     beyond: int | None = None,
     obstacle_radii: tuple[float, ...] | None = None,
     box: tuple[float, float, float, float] | None = None,
-    standing: Standing | None = None,
+    standing: StandingThings | None = None,
 ) -> Replay:
     """Return the replay of a case that was run again, shown up to `beyond` [ns] after its end.
 

@@ -36,7 +36,7 @@ from parcours_navigation.requirements.judging import (
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import Ended, analyse
 from parcours_navigation.study.asking import start_vectors
-from parcours_navigation.study.campaigns import Campaign, case_results, load_results
+from parcours_navigation.study.campaigns import FinishedCampaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
 from parcours_navigation.study.outcome_tables import (
     OUTCOME_WORDS,
@@ -60,20 +60,20 @@ _LESS_IS_WORSE = {
 }
 
 
-class CampaignResults:
+class PlannerResults:
     """A campaign of any planner on system cases (`parcours.study.protocol.Results`); ids begin with the study."""
 
-    def __init__(self, found: Campaign, folder: Path, study: str) -> None:
+    def __init__(self, found: FinishedCampaign, folder: Path, study: str) -> None:
         self.found, self._folder, self._study = found, folder, study
         self.label, self.planned = found.label, found.planned
 
     def _id(self, of_family: str) -> str:
         return f"{self._study}/{of_family.partition('/')[2]}"
 
-    def in_parts(self) -> Iterator[CampaignResults]:
+    def in_parts(self) -> Iterator[PlannerResults]:
         """Yield the results of some thousand cases after the other: a million of them need little memory."""
         for facts in self.found.parts():
-            yield CampaignResults(self.found.holding(facts), self._folder, self._study)
+            yield PlannerResults(self.found.holding(facts), self._folder, self._study)
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
@@ -215,19 +215,19 @@ class Reporting(Protocol):
         """Return what a report says of them under that name."""
 
 
-def read_folder(folder: Path, study: str) -> CampaignResults:
+def read_folder(folder: Path, study: str) -> PlannerResults:
     """Return the results of a planner on system cases; their ids begin with `study`.
 
     Raises BadResults if there are none, or they are damaged.
     """
-    return CampaignResults(load_results(folder), folder, study)
+    return PlannerResults(load_results(folder), folder, study)
 
 
 def report_folders(results: Mapping[str, Results]) -> Reported:
     """Return tables, pieces and documents on campaigns on system cases, and on what else reports itself."""
-    campaigns = {name: one.found for name, one in results.items() if isinstance(one, CampaignResults)}
+    campaigns = {name: one.found for name, one in results.items() if isinstance(one, PlannerResults)}
     others = [one.reported(name) for name, one in results.items() if isinstance(one, Reporting)]
-    ended = {name: one.ended for name, one in results.items() if isinstance(one, CampaignResults)}
+    ended = {name: one.ended for name, one in results.items() if isinstance(one, PlannerResults)}
     tables: list[Table] = []
     pieces: list[Piece] = []
     if campaigns:
@@ -254,7 +254,7 @@ def failed_replays(results: Mapping[str, Results]) -> list[Piece]:
     """Return replays of the worst case of each of the commonest causes of failures: they are run again."""
     pieces: list[Piece] = []
     for one in results.values():
-        if isinstance(one, CampaignResults):
+        if isinstance(one, PlannerResults):
             pieces += one.replays(_REPLAYS if len(results) == 1 else 1)
     return pieces
 

@@ -19,7 +19,7 @@ from parcours.study.journal import read_question
 from parcours.study.loading import file_of, is_target
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Request, Results
-from parcours.study.reducing import Data, Shape
+from parcours.study.reducing import CaseShape, Data
 from parcours_navigation.cases.family import LONGEST
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.facts import NEVER
@@ -30,7 +30,7 @@ from parcours_navigation.requirements.judging import explained, holds
 from parcours_navigation.requirements.requirement import Requirements
 from parcours_navigation.requirements.syntax import is_safety
 from parcours_navigation.study.campaigns import NavigationResults
-from parcours_navigation.study.results import CampaignResults
+from parcours_navigation.study.results import PlannerResults
 from parcours_navigation.study.study import NavigationStudy, study_of
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.paper import ArenaCases
@@ -39,7 +39,7 @@ from parcours_navigation.worlds.writing import case_data, made_world, world_text
 _TIMES = ("period", "command_delay", "watched_on", "call_timeout")
 """What of a scenario holds for a case also where it is written as a world."""
 
-_SHAPE = Shape(
+_SHAPE = CaseShape(
     lists=("others", "only", "walls", "polygons", "discs"),
     optional=("announced", "position_noise", "velocity_noise", "dropped", "late", "false", "occlusion", "noise"),
     zero=("heading", "turn", "speed", "speed_spread", "waits", "moves"),
@@ -116,7 +116,7 @@ class WrittenWorld:
     folder: Path  # from which files count
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> CaseShape:
         """What may change; the time where the failure does not lie in how long it took."""
         return dataclasses.replace(_SHAPE, times=(("task", "time_limit"),)) if self._is_event else _SHAPE
 
@@ -189,7 +189,7 @@ def written(results: Results, folder: Path, case: str) -> WrittenWorld:
 
     Raises BadRequest: there is no such case, it did not fail, or its planner has no name that runs it again.
     """
-    if not isinstance(results, CampaignResults):
+    if not isinstance(results, PlannerResults):
         rule = "its cases must be ones that can be written as a world, but they did not run in simulated time"
         raise BadRequest(str(folder), rule, "replay the case instead", slug="shrink-study")
     id, number = results.case(case)

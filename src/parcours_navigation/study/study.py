@@ -22,14 +22,14 @@ from parcours.run.store import Campaign
 from parcours.run.strangers import computed
 from parcours.run.workers import is_worker
 from parcours.study.campaign.running import Chosen
-from parcours.study.loading import Source
+from parcours.study.loading import SourceFile
 from parcours_navigation.arena.solvability import UNSOLVABLE
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.apart import LOADING, Introduction, done_apart, introduce
 from parcours_navigation.guests.deadline import FIRST_CASE
-from parcours_navigation.guests.host import Host, Setting, hung
+from parcours_navigation.guests.host import GuestHost, HostSetting, hung
 from parcours_navigation.guests.measuring import require_innocent
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost
 from parcours_navigation.guests.planners import SHIPPED, PlannerLike, load_planner, own_loop
@@ -114,7 +114,7 @@ class NavigationStudy:
         return self._source.digest if self._source else ""
 
     @property
-    def _source(self) -> Source | None:
+    def _source(self) -> SourceFile | None:
         return self.known.source if self.known is not None else None
 
     @property
@@ -204,16 +204,16 @@ class NavigationStudy:
     def _is_plain(self) -> bool:
         return isinstance(self.cases, SystemCases)
 
-    def setting(self) -> Setting:
+    def setting(self) -> HostSetting:
         """Return what all its cases have in common."""
         scenario, cases = self.scenario, self.cases
         end = cases.end(scenario.time_limit) if isinstance(cases, SystemCases) else scenario.time_limit
         period, delay, longest, extension = (
             round(t * 1e9) for t in (scenario.period, scenario.command_delay, end, scenario.watched_on)
         )
-        return Setting(period, delay, longest, extension, scenario.call_timeout)
+        return HostSetting(period, delay, longest, extension, scenario.call_timeout)
 
-    def _host(self) -> Host:
+    def _host(self) -> GuestHost:
         planner = self.found_as
         key = planner if isinstance(planner, str) else id(planner)
         return _host(_Same(key, planner, self._source), self.digest, self.setting(), self.heartbeat_words)
@@ -227,7 +227,7 @@ class NavigationStudy:
         monitor.own.clear()
         return monitor
 
-    def _run(self, numbers: NDArray[np.int64]) -> tuple[Host, NDArray[np.void]]:
+    def _run(self, numbers: NDArray[np.int64]) -> tuple[GuestHost, NDArray[np.void]]:
         host = self._host()
         facts = host.run(self.staged(numbers), self.cases.seed)
         self._excuse(facts)
@@ -292,15 +292,15 @@ class _Same:
 
     key: str | int
     planner: PlannerLike = field(compare=False)
-    source: Source | None
+    source: SourceFile | None
 
 
 @functools.lru_cache(maxsize=16)
-def _host(planner: _Same, digest: str, setting: Setting, words: int) -> Host:
+def _host(planner: _Same, digest: str, setting: HostSetting, words: int) -> GuestHost:
     """Return the host of a planner in this process; one planner object serves all its cases."""
     plugin = load_planner(planner.planner, planner.source)
     canaries.accept()
-    return Host(plugin, setting, words)
+    return GuestHost(plugin, setting, words)
 
 
 @functools.lru_cache(maxsize=16)

@@ -20,7 +20,7 @@ _ENOUGH = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedWorld:
     """What was found of the first cases of a world."""
 
     world: World
@@ -47,14 +47,14 @@ class Checked:
         }  # fmt: skip
 
 
-def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], None]) -> Checked:
+def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], None]) -> CheckedWorld:
     """Make the first n cases of a world, and ask which of them cannot be solved.
 
     Raises BadWorld if its file is bad, or none of them can be made.
     """
     world = find_world(name)
     if paper_cases(world, seed, "navigation") is not None:
-        return Checked(world, n, (), (3, 3), (0, 0), (), (), 0, True)
+        return CheckedWorld(world, n, (), (3, 3), (0, 0), (), (), 0, True)
     cases, wrong, bodies, walls = WorldCases(seed, world), [], [], []
     good: list[int] = []
     for number in range(n):
@@ -75,7 +75,7 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
     plan = cases.plan(good[0])
     gives = plan.sensing.gives(bool(plan.task.path))
     never = tuple(number for number, one in zip(good, found["answer"], strict=True) if one == UNSOLVABLE)
-    return Checked(
+    return CheckedWorld(
         world,
         n,
         tuple(map(str, wrong)),
@@ -91,7 +91,7 @@ def _span(values: list[int]) -> tuple[int, int]:
     return (min(values), max(values)) if values else (0, 0)
 
 
-def lines(found: Checked) -> Iterator[str]:
+def lines(found: CheckedWorld) -> Iterator[str]:
     """Yield what to say."""
     yield f"{found.world.name}: {found.world.doc}"
     if found.is_paper:

@@ -45,7 +45,7 @@ class WorldCases:
         """What stands in tables for how obstacles move."""
         return self.world.name
 
-    def plan(self, number: int) -> plans.Plan:
+    def plan(self, number: int) -> plans.WorldPlan:
         """Return what the world is made of in a case."""
         return self.world.plan(tuple(self.values(np.array([number]))[0].tolist()))
 

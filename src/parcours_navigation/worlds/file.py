@@ -23,13 +23,13 @@ from parcours_navigation.ground.maps import read_map
 from parcours_navigation.ground.outlines import BadGround
 from parcours_navigation.ground.pictures import MOST_BYTES, read_bytes
 from parcours_navigation.worlds.building import UNITS, Builder
-from parcours_navigation.worlds.plan import Plan
+from parcours_navigation.worlds.plan import WorldPlan
 from parcours_navigation.worlds.units import is_scaled
 
 FORMAT = "world/1"
 """The value of the key `parcours` in a file of this format."""
 
-_PARTS = tuple(one.name for one in fields(Plan))
+_PARTS = tuple(one.name for one in fields(WorldPlan))
 _DATA = ("constants", "parameters", "constraints", "groups")
 
 
@@ -41,7 +41,7 @@ class BadWorld(ParcoursError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """A world as its file describes it; each case has a `Plan` of it."""
+    """A world as its file describes it; each case has a `WorldPlan` of it."""
 
     name: str
     doc: str
@@ -50,9 +50,9 @@ class World:
     root: MappingNode
     inputs: InputModel | None  # what is drawn for each case; None: all cases have the same plan
     digest: str  # of the file and of those that it names
-    _plans: dict[tuple[float, ...], Plan] = field(default_factory=dict)
+    _plans: dict[tuple[float, ...], WorldPlan] = field(default_factory=dict)
 
-    def plan(self, values: tuple[float, ...] = ()) -> Plan:
+    def plan(self, values: tuple[float, ...] = ()) -> WorldPlan:
         """Return what the world is made of for a case's values, in the order of `inputs.names`.
 
         Raises BadWorld, naming the line, if they make no world.
@@ -93,12 +93,12 @@ class World:
                 at = at.items[int(number) - 1]
         return at.line
 
-    def _build(self, values: tuple[float, ...]) -> Plan:
+    def _build(self, values: tuple[float, ...]) -> WorldPlan:
         names = self.inputs.names if self.inputs is not None else ()
         units = {one.name: one.unit for one in self.inputs.domains} if self.inputs is not None else {}
         builder = Builder(self.origin, dict(zip(names, values, strict=True)), units)
         parts = tuple((key, node) for key, node in self.root.items if key.text in _PARTS)
-        plan: Plan | None = builder.made(Plan, MappingNode(parts, self.root.line), "the world")
+        plan: WorldPlan | None = builder.made(WorldPlan, MappingNode(parts, self.root.line), "the world")
         if builder.findings or plan is None:
             drawn = ", ".join(f"{name} = {value:g}" for name, value in zip(names, values, strict=True))
             raise refusal(builder.findings, f" (with {drawn})" if drawn else "")

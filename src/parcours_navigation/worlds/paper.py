@@ -20,7 +20,7 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.robots.kinds import Body
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, World
-from parcours_navigation.worlds.plan import PaperObstacles, Plan, Sensing, Task
+from parcours_navigation.worlds.plan import PaperObstacles, SensingPlan, TaskPlan, WorldPlan
 
 
 def paper_cases(world: World, seed: int, study: str) -> SystemCases | None:
@@ -44,7 +44,7 @@ def paper_cases(world: World, seed: int, study: str) -> SystemCases | None:
     body, task = plan.robot, plan.task
     as_given = (
         task.start is not None and tuple(task.goal or ()) == (2.0, 2.0) and task.start[:2] == (0.0, 0.0)
-        and body.kind == "unicycle" and not body.footprint and plan.sensing == Sensing()
+        and body.kind == "unicycle" and not body.footprint and plan.sensing == SensingPlan()
         and plan.ground.bounds is None and not plan.ground.walls
     )  # fmt: skip
     if not as_given:
@@ -122,8 +122,8 @@ def arena_cases(cases: WorldCases) -> ArenaCases:
     plan = cases.plan(0)
     task, radius = plan.task, plan.robot.radius
     own = task.start is not None and abs(task.start[2] - PI / 4.0) < 1e-12 and task.start[:2] == (0.0, 0.0)
-    arena = Task(task.start, 0.249, (2.0, 2.0), time_limit=task.time_limit)
-    is_arena = plan == Plan(arena, robot=Body(radius=radius), others=plan.others, solid=plan.solid)
+    arena = TaskPlan(task.start, 0.249, (2.0, 2.0), time_limit=task.time_limit)
+    is_arena = plan == WorldPlan(arena, robot=Body(radius=radius), others=plan.others, solid=plan.solid)
     if not (own and is_arena and all(one.get("motion") == "stop-move-stop" for one in plan.others)):
         rule = "it must be the paper's arena but for its obstacles, which stop, move and stop, but it is not"
         raise BadWorld(f"world {cases.world.name!r}", rule, "see the world `paper`", slug="world-range")

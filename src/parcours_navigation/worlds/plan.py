@@ -86,7 +86,7 @@ class LaserScan:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensing:
+class SensingPlan:
     """What a planner is shown."""
 
     others: Detection = Detection()
@@ -104,7 +104,7 @@ class Sensing:
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class TaskPlan:
     """Where the robot starts, and what it is to do. A generated ground has a start and a goal of its own."""
 
     start: tuple[float, float, float] | None = None  # x, y, heading [m, m, rad]
@@ -187,7 +187,7 @@ class PaperObstacles:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class GroundPlan:
     """Walls and whatever else stands."""
 
     bounds: tuple[float, float, float, float] | None = None  # walls all around: x_low, y_low, x_high, y_high [m]
@@ -199,12 +199,12 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class WorldPlan:
     """All that a world is made of."""
 
-    task: Task
-    ground: Ground = Ground()
+    task: TaskPlan
+    ground: GroundPlan = GroundPlan()
     robot: Body = field(default_factory=Body)
     others: tuple[dict[str, Any], ...] = ()
-    sensing: Sensing = Sensing()
+    sensing: SensingPlan = SensingPlan()
     solid: bool = False  # whether an obstacle that closes a gap stops there for good; people never enter anybody

@@ -34,7 +34,7 @@ from parcours_navigation.others.kinds import MOTIONS
 from parcours_navigation.protocol import Map, Task
 from parcours_navigation.sensing.detecting import DETECTION
 from parcours_navigation.stage.memory import EVERYWHERE, Scene, Staged
-from parcours_navigation.worlds.plan import Detection, Plan, StopMoveStop
+from parcours_navigation.worlds.plan import Detection, StopMoveStop, WorldPlan
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Land:
         return np.concatenate([self.ground.solid_edges(), self.ground.segments])
 
 
-def land_of(plan: Plan, folder: Path, seed: int, number: int) -> Land:
+def land_of(plan: WorldPlan, folder: Path, seed: int, number: int) -> Land:
     """Return the ground of a case. Raises BadRequest where start or goal are missing, or nothing can be generated."""
     own, given, generated = plan.ground, plan.task, None
     if own.generated:
@@ -143,7 +143,9 @@ def _fixed(
     return made, made.pack()
 
 
-def others_of(plan: Plan, area: tuple[float, ...] | None, folder: Path) -> tuple[_Named[StopMoveStop], _Named[Others]]:
+def others_of(
+    plan: WorldPlan, area: tuple[float, ...] | None, folder: Path
+) -> tuple[_Named[StopMoveStop], _Named[Others]]:
     """Return who moves, with what messages call them: in closed form, and as agents; who begins nowhere begins in the
     area. Raises BadRequest.
     """
@@ -179,7 +181,7 @@ def _stop_move_stop(entry: dict[str, Any], where: str) -> StopMoveStop:
         raise BadRequest(error.where.replace("others", where, 1), error.rule, error.remedy, slug=error.slug) from None
 
 
-def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> Staged:
+def stage(plan: WorldPlan, folder: Path, seed: int, number: int, period: float) -> Staged:
     """Return a case of a plan, in which a planner is asked once a `period` [s].
 
     Raises BadRequest if the robot starts in contact, or bodies find no place.
@@ -242,7 +244,7 @@ def _extent(land: Land) -> float:
     return float(max(corner, *(max(place) for place in places), 1e-3))
 
 
-def _map(land: Land, resolution: float, plan: Plan) -> Map:
+def _map(land: Land, resolution: float, plan: WorldPlan) -> Map:
     """Return the map of the ground, which also covers the start and the goals."""
     extent = land.ground.extent()
     places = [land.start[:2], *land.goals, *([] if extent is None else [tuple(extent[:2]), tuple(extent[2:])])]
@@ -275,7 +277,7 @@ def _require_free(land: Land, corners: Floats, radius: float) -> None:
             raise BadRequest("task, goals" if k else "task, goal", rule, "move it", slug="goal-occupied")
 
 
-def _require_closed(plan: Plan, folder: Path, begin: tuple[float, float]) -> None:
+def _require_closed(plan: WorldPlan, folder: Path, begin: tuple[float, float]) -> None:
     """Raise BadRequest if the robot can drive off a map: nothing is known of what lies beyond."""
     own = plan.ground
     if own.map and own.bounds is None and _leaves(own.walls, own.polygons, own.discs, own.map, folder, begin,
@@ -311,7 +313,7 @@ def _sensor(detection: Detection, period: float) -> Record:
     return sensor
 
 
-def _scan(plan: Plan) -> tuple[int, float, float, float, float, float]:
+def _scan(plan: WorldPlan) -> tuple[int, float, float, float, float, float]:
     laser = plan.sensing.scan
     if laser is None:
         return 0, 0.0, 0.0, 0.0, 0.0, 0.0

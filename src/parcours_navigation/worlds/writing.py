@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from parcours.kernels import Record
 from parcours_navigation.worlds.file import FORMAT, World, parse_world
-from parcours_navigation.worlds.plan import Plan
+from parcours_navigation.worlds.plan import WorldPlan
 
 Data = dict[str, Any]
 
 
-def case_data(plan: Plan, folder: Path, closed: Record, time_limit: float) -> Data:
+def case_data(plan: WorldPlan, folder: Path, closed: Record, time_limit: float) -> Data:
     """Return a case as data of a world file.
 
     Args:

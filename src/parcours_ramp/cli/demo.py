@@ -35,10 +35,11 @@ def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path)
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
     from parcours.run.atomic import require_writable
+    from parcours.run.campaign import Interrupted
     from parcours.study.components.results import component_results, write_components
     from parcours_navigation.study.campaigns import junit_results
     from parcours_ramp.paper.report import compose
-    from parcours_ramp.paper.results import Interrupted, run_paper
+    from parcours_ramp.paper.results import run_paper
 
     require_writable(out)
     say_if_cold()

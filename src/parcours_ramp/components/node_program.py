@@ -9,7 +9,7 @@ import msgspec
 from parcours.run.port import Component, Step
 from parcours.suite import Case
 from parcours_ramp.components.components import PROMPTS, component_of, parameters_of, view
-from parcours_ramp.planner.wire import FORMS, Field, decode, encode, flatten, restore
+from parcours_ramp.planner.wire import FORMS, FormField, decode, encode, flatten, restore
 
 
 class RampCodec:
@@ -18,7 +18,7 @@ class RampCodec:
     encode, decode = staticmethod(encode), staticmethod(decode)
     flatten, restore = staticmethod(flatten), staticmethod(restore)
 
-    def form(self, channel: str) -> Sequence[Field] | None:
+    def form(self, channel: str) -> Sequence[FormField] | None:
         """Return the fields of the channel's messages; None if RAMP has no such channel."""
         return FORMS.get(channel)
 

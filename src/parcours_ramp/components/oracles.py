@@ -67,7 +67,7 @@ def _moved(before: Record, after: Record) -> float:
 
 def state_is_sent(trace: Trace) -> Judgement:
     """ITP4: latest motion state != null."""
-    states = [m for m in _sent(trace, "update") if isinstance(m, messages.Report)]
+    states = [m for m in _sent(trace, "update") if isinstance(m, messages.StateReport)]
     holds = bool(states) and all(np.isfinite(list(state.pose)).all() for state in states)
     return _judge(holds, f"{len(states)} motion states were sent, all of finite numbers")
 
@@ -97,7 +97,7 @@ def control_follows(trace: Trace) -> Judgement:
 
 def state_changes(trace: Trace) -> Judgement:
     """ITP6: the latest motion state is changed."""
-    states = [m.pose for m in _sent(trace, "update") if isinstance(m, messages.Report)]
+    states = [m.pose for m in _sent(trace, "update") if isinstance(m, messages.StateReport)]
     distance = max((float(np.hypot(s.x - states[0].x, s.y - states[0].y)) for s in states), default=0.0)
     return _judge(distance > 0.0, f"{len(states)} motion states, the last {distance:.3g} m from the first")
 

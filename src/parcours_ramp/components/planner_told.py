@@ -18,7 +18,7 @@ NEVER = 9999.0  # the collision time of a trajectory that meets nobody [s]
 _SEEN = "obstacles that the guard has seen"  # they wait behind a control cycle
 
 
-class Told:
+class PlannerTold:
     """What one Planner has been told, and what that means for it: conversations, and what waits behind them."""
 
     def __init__(self, parameters: Parameters, begin: Pose | None, goal: tuple[float, float] | None) -> None:

@@ -32,7 +32,7 @@ def specimens() -> Iterator[tuple[str, object]]:
     evaluation = messages.EvaluationRequest(
         _TAG, ways, _many(messages.PREDICTION, prediction), (0.01, -0.02), 0.3, True, (3_000_000, 2, 9, 0.025, True)
     )
-    report = messages.Report(4_000_000, pose, 5_000_000)
+    report = messages.StateReport(4_000_000, pose, 5_000_000)
     yield from (("odometry", obstacles), ("obstacles", obstacles))
     yield "trajectory_request", messages.TrajectoryRequest(_TAG, three, starts, kinds)
     yield "trajectory_request", messages.TrajectoryRequest(_TAG, obstacles=obstacles)

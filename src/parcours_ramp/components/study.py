@@ -14,10 +14,10 @@ from parcours.run.clocks import Clock, WallClock
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.in_process import View
 from parcours.run.port import links
-from parcours.run.recording import Codec as RecordingCodec
+from parcours.run.recording import PayloadCodec as RecordingCodec
 from parcours.run.trace import Trace
 from parcours.study.components import executing
-from parcours.study.components.executing import Execute, Functional, Timing, TimingGroup
+from parcours.study.components.executing import CaseTiming, Execute, Functional, TimingGroup
 from parcours.study.components.results import interaction_of as interaction_named
 from parcours.study.components.study import ComponentStudy
 from parcours.study.components.tester import Tester
@@ -51,7 +51,7 @@ REPEATS = 60
 PERCENT = 95.0  # Share of all repeats that must stay within the limit [%]
 duration_of = executing.whole_case  # How long a repeat took [ns]
 
-__all__ = ["Execute", "Functional", "RampComponents", "Timing", "duration_of"]
+__all__ = ["CaseTiming", "Execute", "Functional", "RampComponents", "duration_of"]
 
 
 class RampComponents(ComponentStudy):
@@ -208,7 +208,7 @@ def run_timing(
     sample: Sequence[Case], execute: Execute | None = None, *, repeats: int = REPEATS, percent: float = PERCENT,
     warm_up: int = 3, listener: Callable[[Case, Trace], None] = lambda case, trace: None,
     progress: Callable[[int], None] = lambda done: None,
-) -> Iterator[Timing]:  # fmt: skip
+) -> Iterator[CaseTiming]:  # fmt: skip
     """Yield the timing results of the paper's sample of cases, interaction path by interaction path.
 
     Args:

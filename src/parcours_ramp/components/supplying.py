@@ -67,7 +67,7 @@ class Supply:
         pose.heading += draw(-0.1, 0.1)
         if self._stream.random() < 1.0 / 3.0:
             pose.v = pose.w = 0.0
-        return "update", messages.Report(20_000_000, pose, int(draw(0.0, 5e6)))
+        return "update", messages.StateReport(20_000_000, pose, int(draw(0.0, 5e6)))
 
     def beside(self, pose: Record) -> Record:
         """Return a POSE near one: off the plan, perhaps so far that it looks elsewhere, or turned once more."""

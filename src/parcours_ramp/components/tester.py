@@ -19,7 +19,7 @@ from parcours.run.port import Component, Send, Step
 from parcours.suite import Case
 from parcours_ramp.components.components import LATER, PROMPT_OF, PROMPTS, component_of, parameters_of, robot_of
 from parcours_ramp.components.supplying import FIRST, Supply
-from parcours_ramp.planner.messages import Report
+from parcours_ramp.planner.messages import StateReport
 from parcours_ramp.planner.parameters import Parameters
 
 
@@ -111,7 +111,7 @@ class ComponentTester:
             return (supply.update(),)
         if event.component != "Control":
             return ()
-        pose: Send = ("pose", Report(0, supply.beside(self._pose(max(event.reference, event.visit)))))
+        pose: Send = ("pose", StateReport(0, supply.beside(self._pose(max(event.reference, event.visit)))))
         if event.transition in ("p43", "p44"):
             return pose, ("imminent_collision", event.transition == "p43")
         return (pose, ("speed_limit", supply.limit())) if event.transition == "p46" else (pose,)

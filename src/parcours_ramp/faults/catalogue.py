@@ -43,7 +43,7 @@ _OF_COMPONENTS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class CatalogueEntry:
     """One row of the catalogue: which group it belongs to, and the fault."""
 
     group: Group
@@ -59,22 +59,22 @@ class Entry:
 
 
 @cache
-def catalogue() -> tuple[Entry, ...]:
+def catalogue() -> tuple[CatalogueEntry, ...]:
     """Return all entries."""
     return tuple(_entries())
 
 
-def _entries() -> Iterator[Entry]:
+def _entries() -> Iterator[CatalogueEntry]:
     for topic in TOPICS:
-        yield from (Entry("topics", parse_fault(f"{topic}: {what}")) for what in _OF_TOPICS)
-    yield from (Entry("topics", parse_fault(line)) for line in _OF_OTHERS)
+        yield from (CatalogueEntry("topics", parse_fault(f"{topic}: {what}")) for what in _OF_TOPICS)
+    yield from (CatalogueEntry("topics", parse_fault(line)) for line in _OF_OTHERS)
     for service in SERVICES:
-        yield from (Entry("services", parse_fault(f"{service}: {what}")) for what in _OF_SERVICES)
+        yield from (CatalogueEntry("services", parse_fault(f"{service}: {what}")) for what in _OF_SERVICES)
     for component in COMPONENTS:
-        yield from (Entry("components", parse_fault(f"{component}: {what}")) for what in _OF_COMPONENTS)
+        yield from (CatalogueEntry("components", parse_fault(f"{component}: {what}")) for what in _OF_COMPONENTS)
 
 
-def chosen(only: str) -> tuple[Entry, ...]:
+def chosen(only: str) -> tuple[CatalogueEntry, ...]:
     """Return the entries whose line contains the text; all if it is empty.
 
     Raises BadRequest: no entry contains it.

@@ -18,7 +18,7 @@ from parcours.errors import BadRequest, HostFailure, require_known
 from parcours.run.faults import FaultPlan
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.facts import NEVER
-from parcours_ramp.faults.catalogue import Entry
+from parcours_ramp.faults.catalogue import CatalogueEntry
 from parcours_ramp.faults.judging import CaseOutcome, RobotOutcome, judge
 from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import run_components
@@ -35,7 +35,7 @@ class FaultRow:
     """One entry of the catalogue under one schedule, with one outcome per case."""
 
     schedule: str
-    entry: Entry
+    entry: CatalogueEntry
     outcomes: tuple[CaseOutcome, ...]
 
 
@@ -55,7 +55,7 @@ class Trial:
 
     study: SystemStudy
     number: int
-    entry: Entry
+    entry: CatalogueEntry
     t_goal: int
 
     @property
@@ -115,8 +115,9 @@ def run_trial(trial: Trial) -> CaseOutcome:
 
 
 def run_faults(
-    entries: Sequence[Entry], schedules: Sequence[str] = SCHEDULES, *, seed: int = 1, cases: int = 5, workers: int = 1,
-    patience: float = PATIENCE, progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    entries: Sequence[CatalogueEntry], schedules: Sequence[str] = SCHEDULES, *, seed: int = 1, cases: int = 5,
+    workers: int = 1, patience: float = PATIENCE,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> FaultResults:  # fmt: skip
     """Return what becomes of RAMP under each entry.
 

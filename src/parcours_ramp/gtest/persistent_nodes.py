@@ -20,7 +20,7 @@ from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros1.graph import ask, leave, require_free
 from parcours.run.hosts.ros1.interfaces import package_routes, write_package
 from parcours.run.hosts.ros1.master import require_master
-from parcours.run.hosts.ros1.transport import Plan, frame_kind, ros1_line
+from parcours.run.hosts.ros1.transport import NodePlan, frame_kind, ros1_line
 from parcours.run.port import links
 from parcours_ramp.components.model import component_model
 from parcours_ramp.gtest.export import PACKAGE
@@ -52,7 +52,7 @@ class StandingNodes:
         require_free(master, [node_name(node.component) for node in self._nodes])
         with tempfile.TemporaryDirectory(prefix="parcours-ros1-") as folder:
             write_package(Path(folder), PACKAGE, interfaces(model), FORMS)
-            self._plan = Plan(master, package_routes(Path(folder)), frame_kind())
+            self._plan = NodePlan(master, package_routes(Path(folder)), frame_kind())
         self._processes = Processes([*_PRELOAD, node_program.partition(":")[0]])
         self._running: set[str] = set()
 

@@ -9,11 +9,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from parcours.run.campaign import run_campaign
+from parcours.run.campaign import Interrupted, run_campaign
 from parcours.run.store import create
 from parcours.study.campaign.running import KeptFacts
 from parcours_navigation.cases.family import PROTOCOLS, PUBLISHED_CASES, Protocol
-from parcours_ramp.components.study import Functional, Timing, component_plan, paper_sample, run_functional, run_timing
+from parcours_ramp.components.study import (
+    CaseTiming,
+    Functional,
+    component_plan,
+    paper_sample,
+    run_functional,
+    run_timing,
+)
 from parcours_ramp.system.campaigns import SystemResults
 from parcours_ramp.system.delays import DelayResults, DelayStudy
 from parcours_ramp.system.study import SCHEDULES, system_study
@@ -29,13 +36,9 @@ class PaperResults:
     seed: int  # of all campaigns
     functional: tuple[Functional, ...]  # every component case: 67 abstract cases times the rows of Each Choice
     sample: tuple[str, ...]  # ids of the 60 of them that Table VIII counts
-    timing: tuple[Timing, ...]  # the 60 timing cases
+    timing: tuple[CaseTiming, ...]  # the 60 timing cases
     system: dict[tuple[Protocol, str], SystemResults]  # (protocol, schedule) -> campaign
     delays: DelayResults  # the first cases, with delays added to RAMP's work
-
-
-class Interrupted(Exception):
-    """The user stopped the runs; what was finished is in the folder."""
 
 
 def run_paper(
@@ -66,7 +69,7 @@ def run_paper(
         functional.append(run_functional(case))
         progress("component cases", len(functional), len(plan))
     sample = paper_sample(plan)
-    timing: list[Timing] = []
+    timing: list[CaseTiming] = []
     for timed in run_timing(sample, progress=lambda done: progress("timing cases", done, len(sample))):
         timing.append(timed)
     system: dict[tuple[Protocol, str], SystemResults] = {}

@@ -13,7 +13,7 @@ import numpy as np
 
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, one, reporting
+from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, PlannerStep, StateReport, one, reporting
 from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
 
@@ -154,7 +154,7 @@ class Control:
         self._next_report = REPORT_PERIOD
         self._executing = False
         self._early: object = None
-        self.reported: Report | None = None
+        self.reported: StateReport | None = None
         """What it told the planner last."""
 
     def next_wake(self) -> int | None:
@@ -162,7 +162,7 @@ class Control:
         due = min(self._next_command, self._next_report)
         return due if self._early is None else min(due, self._opens)
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
         """Take a trajectory from `best_trajectory`, the flag from `imminent_collision`, the pose from `pose`."""
         if channel == "best_trajectory":
             if now < self._opens:
@@ -176,16 +176,16 @@ class Control:
         elif channel == "imminent_collision":
             signal(self._state, bool(message), now, self._parameters)
             if self._state.paused:
-                yield Step("", (("cmd_vel", (0.0, 0.0)),))
-        elif channel == "pose" and isinstance(message, Report):
+                yield PlannerStep("", (("cmd_vel", (0.0, 0.0)),))
+        elif channel == "pose" and isinstance(message, StateReport):
             self._pose = message.pose
         elif channel == "speed_limit" and isinstance(message, float):
             self._state.limit = message
-            yield Step("")
+            yield PlannerStep("")
         else:
             yield reporting("p41", tcp_socket=False)
 
-    def wake(self, now: int) -> Iterator[Step]:
+    def wake(self, now: int) -> Iterator[PlannerStep]:
         """Report the state and command the robot, whichever is due."""
         if self._early is not None and self._opens <= now:
             early, self._early = self._early, None
@@ -195,23 +195,23 @@ class Control:
         if self._next_command <= now:
             yield from self.execute(now)
 
-    def tick(self, now: int) -> Iterator[Step]:
+    def tick(self, now: int) -> Iterator[PlannerStep]:
         """Report the robot's state if the interval is over at `now` [ns]."""
         if self._next_report > now:
             yield reporting("p47", interval_done=False)
             return
         self._next_report += REPORT_PERIOD
-        self.reported = update = Report(now, self._pose.copy(), int(self._state.lag))
+        self.reported = update = StateReport(now, self._pose.copy(), int(self._state.lag))
         yield reporting("p48", ("update", update), interval_done=True)
         yield reporting("p49", operation="reset_timer")
 
-    def execute(self, now: int) -> Iterator[Step]:
+    def execute(self, now: int) -> Iterator[PlannerStep]:
         """Command the robot for the next command period from `now` [ns]."""
         self._next_command += COMMAND_PERIOD
         state = self._state
         was_paused = state.paused
         command(state, self._pose, now, self._parameters)
-        yield Step("", (("cmd_vel", (float(state.command_v), float(state.command_w))),))
+        yield PlannerStep("", (("cmd_vel", (float(state.command_v), float(state.command_w))),))
         if state.paused and self._executing:
             self._executing = False
             yield reporting("p43", operation="pause", imminent_collision=bool(state.halt))

@@ -25,7 +25,7 @@ _WORD = 8  # Bytes of every number in a record
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class FormField:
     """One field of a form: its name, kind and meaning; arrays have `width` values an entry, `endless` may be infinite.
 
     A float is an IEEE double, an int has 64 bits; floats and ints are arrays of these.
@@ -41,7 +41,7 @@ class Field:
 class Given:
     """The values given for a channel, by the names of its fields; each of its kind, and finite where it must be."""
 
-    def __init__(self, channel: str, form: Sequence[Field], values: Sequence[object]) -> None:
+    def __init__(self, channel: str, form: Sequence[FormField], values: Sequence[object]) -> None:
         self.channel = channel
         self.values: dict[str, Any] = {}
         self._fields = {field.name: field for field in form}
@@ -56,7 +56,7 @@ class Given:
     def __contains__(self, name: str) -> bool:
         return name in self.values
 
-    def _checked(self, field: Field, value: object) -> object:
+    def _checked(self, field: FormField, value: object) -> object:
         kind = field.kind
         if kind in ("floats", "ints"):
             return self._array(field, value)
@@ -68,7 +68,7 @@ class Given:
             self.refuse(field.name, f"must fit into 64 bits, but {value} was given", "wire-range")
         return value
 
-    def _array(self, field: Field, value: object) -> NDArray[Any]:
+    def _array(self, field: FormField, value: object) -> NDArray[Any]:
         wanted = _NUMBERS[field.kind]
         if isinstance(value, memoryview):
             if len(value) % (_WORD * field.width):
@@ -84,7 +84,7 @@ class Given:
                 self.refuse(field.name, f"must be finite, but its value {at} is {numbers[at]}", "wire-finite")
         return numbers
 
-    def _converted(self, field: Field, value: object, wanted: Any) -> NDArray[Any]:
+    def _converted(self, field: FormField, value: object, wanted: Any) -> NDArray[Any]:
         try:
             if not isinstance(value, np.ndarray):
                 if not isinstance(value, list | tuple | array):
@@ -135,7 +135,7 @@ def refusal(channel: str, field: str, rule: str, slug: str) -> BadRequest:
 class Part:
     """A field that holds some numbers of every record, by their columns: the record seen as a row of 64-bit words."""
 
-    field: Field
+    field: FormField
     columns: NDArray[np.intp]
 
 
@@ -147,7 +147,7 @@ class CountedPart:
     its width from the word `first` on; `count` is the place of the entries' number among the record's counts.
     """
 
-    field: Field
+    field: FormField
     count: int
     begin: int
     most: int
@@ -170,7 +170,7 @@ def columns(kind: Any, *names: str) -> NDArray[np.intp]:
     return np.concatenate([np.arange(begin, begin + n) for begin, n in places])
 
 
-class Layout:
+class RecordLayout:
     """How an array of records travels: as counts (its first part), columns and counted parts.
 
     Args:

@@ -37,10 +37,10 @@ _PAYLOADS: dict[str, type | tuple[type, ...]] = {
     "modification_request": messages.ModificationRequest,
     "modification_response": messages.ModificationResponse,
     "best_trajectory": np.void,
-    "update": messages.Report,
+    "update": messages.StateReport,
     "imminent_collision": bool,
     "speed_limit": float,
-    "pose": messages.Report,
+    "pose": messages.StateReport,
     "cmd_vel": tuple,
 }
 
@@ -59,7 +59,7 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
     match payload:
         case messages.Obstacles(stamp, states):
             return int(stamp), _flat(channel, "states", messages.OBSTACLE_STATE, states)
-        case messages.Report(stamp, pose, lag):
+        case messages.StateReport(stamp, pose, lag):
             return int(stamp), *_flat(channel, "x", messages.POSE, pose).tolist(), int(lag)
         case bool():
             return (payload,)
@@ -146,7 +146,7 @@ def restore(channel: str, values: Sequence[object]) -> Any:
         return _obstacles(given)
     if "lag" in given:
         pose = _records(messages.POSE, np.array([given[field.name] for field in POSE_FIELDS]), 1)[0]
-        return messages.Report(given["stamp"], pose, given["lag"])
+        return messages.StateReport(given["stamp"], pose, given["lag"])
     if channel == "best_trajectory":
         given.as_many("trajectory_counts", 1, "trajectory")
         return TRAJECTORIES.restore(given)[0]

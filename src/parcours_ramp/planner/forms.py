@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from parcours_ramp.planner.flat import CountedPart, Field, Layout, Part, columns
+from parcours_ramp.planner.flat import CountedPart, FormField, Part, RecordLayout, columns
 from parcours_ramp.planner.messages import (
     HORIZON,
     LEG,
@@ -29,7 +29,7 @@ MOST_OBSTACLES = 1000  # More obstacles, or predictions, are not taken in one me
 
 def _part(kind: Any, sort: Literal["floats", "ints"], name: str, of: str, doc: str, *, endless: bool = False) -> Part:
     places = columns(kind, *of.split())
-    return Part(Field(name, sort, doc, len(places), endless), places)
+    return Part(FormField(name, sort, doc, len(places), endless), places)
 
 
 def _words(kind: Any) -> int:
@@ -40,7 +40,7 @@ def _begin(kind: Any, name: str) -> int:
     return int(columns(kind, name)[0])
 
 
-TRAJECTORIES = Layout(
+TRAJECTORIES = RecordLayout(
     TRAJECTORY,
     ((0, MAX_SAMPLES), (0, MAX_PIECES), (0, MAX_LEGS)),
     MAX_POPULATION,
@@ -53,15 +53,16 @@ TRAJECTORIES = Layout(
           "time of collision [s], changed [m], drift x [m], drift y [m]"),
     _part(TRAJECTORY, "floats", "trajectory_slacks", "slack", "by how much anybody may come nearer [m]", endless=True),
     _part(TRAJECTORY, "floats", "knot_times", "knot_time", "when each knot is passed [s], 9999 for never"),
-    CountedPart(Field("piece_kinds", "ints", "0 straight, 1 curve, 2 turn on the spot; all pieces of all trajectories"),
+    CountedPart(FormField("piece_kinds", "ints",
+                          "0 straight, 1 curve, 2 turn on the spot; all pieces of all trajectories"),
                 1, _begin(TRAJECTORY, "pieces"), MAX_PIECES, _words(PIECE)),
-    CountedPart(Field("pieces", "floats", ", ".join((PIECE.names or ())[1:]) + " of each piece", _words(PIECE) - 1),
+    CountedPart(FormField("pieces", "floats", ", ".join((PIECE.names or ())[1:]) + " of each piece", _words(PIECE) - 1),
                 1, _begin(TRAJECTORY, "pieces"), MAX_PIECES, _words(PIECE), 1),
-    CountedPart(Field("legs", "floats", ", ".join(LEG.names or ()) + " of each leg", _words(LEG)),
+    CountedPart(FormField("legs", "floats", ", ".join(LEG.names or ()) + " of each leg", _words(LEG)),
                 2, _begin(TRAJECTORY, "legs"), MAX_LEGS, _words(LEG)),
 )  # fmt: skip
 
-PREDICTIONS = Layout(
+PREDICTIONS = RecordLayout(
     PREDICTION,
     ((0, HORIZON),),
     MOST_OBSTACLES,
@@ -71,68 +72,69 @@ PREDICTIONS = Layout(
           "heading [rad], its sine and cosine, speed [m/s], yaw rate [rad/s], bend [m/s2], radius [m]"),
     _part(PREDICTION, "floats", "prediction_straights", "straight", "for how long it is nearly uniform [s]",
           endless=True),
-    CountedPart(Field("prediction_x", "floats", "all samples of all predictions [m]"),
+    CountedPart(FormField("prediction_x", "floats", "all samples of all predictions [m]"),
                 0, _begin(PREDICTION, "x"), HORIZON),
-    CountedPart(Field("prediction_y", "floats", "all samples of all predictions [m]"),
+    CountedPart(FormField("prediction_y", "floats", "all samples of all predictions [m]"),
                 0, _begin(PREDICTION, "y"), HORIZON),
 )  # fmt: skip
 
-PATHS = Layout(
+PATHS = RecordLayout(
     PATH, ((0, MAX_KNOTS),), MAX_POPULATION, _part(PATH, "ints", "path_counts", "n", "knot points of each path"),
-    CountedPart(Field("path_x", "floats", "all knot points of all paths [m]"), 0, _begin(PATH, "x"), MAX_KNOTS),
-    CountedPart(Field("path_y", "floats", "all knot points of all paths [m]"), 0, _begin(PATH, "y"), MAX_KNOTS),
+    CountedPart(FormField("path_x", "floats", "all knot points of all paths [m]"), 0, _begin(PATH, "x"), MAX_KNOTS),
+    CountedPart(FormField("path_y", "floats", "all knot points of all paths [m]"), 0, _begin(PATH, "y"), MAX_KNOTS),
 )  # fmt: skip
 
 _POSES = ("x [m]", "y [m]", "heading [rad]", "forward speed [m/s]", "yaw rate [rad/s]")
-POSE_FIELDS = tuple(Field(name, "float", doc) for name, doc in zip(POSE.names or (), _POSES, strict=True))
-_STAMP = Field("stamp", "int", "when it was sensed [ns]")
-STATES = Field("states", "floats", f"{', '.join(_POSES)}, radius [m] of each obstacle", _words(OBSTACLE_STATE))
+POSE_FIELDS = tuple(FormField(name, "float", doc) for name, doc in zip(POSE.names or (), _POSES, strict=True))
+_STAMP = FormField("stamp", "int", "when it was sensed [ns]")
+STATES = FormField("states", "floats", f"{', '.join(_POSES)}, radius [m] of each obstacle", _words(OBSTACLE_STATE))
 _TAG = (
-    Field("cycle", "int", "the cycle of the planner that asks: 0 planning, 1 sensing, 2 control"),
-    Field("serial", "int", "the number of its conversation"),
+    FormField("cycle", "int", "the cycle of the planner that asks: 0 planning, 1 sensing, 2 control"),
+    FormField("serial", "int", "the number of its conversation"),
 )
 _OBSTACLES = (_STAMP, STATES)
-_REPORT = (_STAMP, *POSE_FIELDS, Field("lag", "int", "by how much the motion is behind its plan [ns]"))
-_FOR_OBSTACLES = Field("for_obstacles", "bool", "whether obstacles are to be predicted; then there are no paths")
-_STARTS = Field("starts", "floats", f"{', '.join(_POSES)} from which each path is entered", _words(POSE))
-_KINDS = Field("kinds", "ints", "0 hybrid, 1 holonomic, 2 transition; of each path")
+_REPORT = (_STAMP, *POSE_FIELDS, FormField("lag", "int", "by how much the motion is behind its plan [ns]"))
+_FOR_OBSTACLES = FormField("for_obstacles", "bool", "whether obstacles are to be predicted; then there are no paths")
+_STARTS = FormField("starts", "floats", f"{', '.join(_POSES)} from which each path is entered", _words(POSE))
+_KINDS = FormField("kinds", "ints", "0 hybrid, 1 holonomic, 2 transition; of each path")
 
-FORMS: dict[str, tuple[Field, ...]] = {
+FORMS: dict[str, tuple[FormField, ...]] = {
     "odometry": _OBSTACLES,
     "obstacles": _OBSTACLES,
     "trajectory_request": (*_TAG, _FOR_OBSTACLES, *PATHS.fields, _STARTS, _KINDS, *_OBSTACLES),
     "trajectory_response": (*_TAG, _FOR_OBSTACLES, *TRAJECTORIES.fields, *PREDICTIONS.fields),
     "evaluation_request": (
         *_TAG, *TRAJECTORIES.fields, *PREDICTIONS.fields,
-        Field("drift_x", "float", "to be added to planned positions [m]"),
-        Field("drift_y", "float", "to be added to planned positions [m]"),
-        Field("heading", "float", "of the robot now [rad]"),
-        Field("halted", "bool", "whether the robot is stopped for imminent collision"),
-        Field("windowed", "bool", "whether only the collision time within the window is wanted; else the window is 0"),
-        Field("window_begins", "int", "when the trajectory begins [ns]"),
-        Field("window_first", "int", "first sample to look at"),
-        Field("window_last", "int", "one past the last sample to look at"),
-        Field("window_margin", "float", "to be kept from obstacles [m]"),
-        Field("window_may_leave", "bool", "whether the robot may leave an obstacle that it is too near to"),
+        FormField("drift_x", "float", "to be added to planned positions [m]"),
+        FormField("drift_y", "float", "to be added to planned positions [m]"),
+        FormField("heading", "float", "of the robot now [rad]"),
+        FormField("halted", "bool", "whether the robot is stopped for imminent collision"),
+        FormField("windowed", "bool",
+                  "whether only the collision time within the window is wanted; else the window is 0"),
+        FormField("window_begins", "int", "when the trajectory begins [ns]"),
+        FormField("window_first", "int", "first sample to look at"),
+        FormField("window_last", "int", "one past the last sample to look at"),
+        FormField("window_margin", "float", "to be kept from obstacles [m]"),
+        FormField("window_may_leave", "bool", "whether the robot may leave an obstacle that it is too near to"),
     ),
     "evaluation_response": (
         *_TAG,
-        Field("feasible", "ints", "1 or 0, of each trajectory"),
-        Field("fitness", "floats", "1 / cost of each trajectory"),
-        Field("t_collision", "floats", "first collision of each trajectory [s]; 9999 for none"),
+        FormField("feasible", "ints", "1 or 0, of each trajectory"),
+        FormField("fitness", "floats", "1 / cost of each trajectory"),
+        FormField("t_collision", "floats", "first collision of each trajectory [s]; 9999 for none"),
     ),
     "modification_request": (
-        *_TAG, Field("operator", "int", "0 insert, 1 delete, 2 change, 3 swap, 4 crossover, 5 move"),
+        *_TAG, FormField("operator", "int", "0 insert, 1 delete, 2 change, 3 swap, 4 crossover, 5 move"),
         *PATHS.fields,
-        Field("direction", "float", "to the nearest obstacle [rad]"),
-        Field("distance", "float", "to the nearest obstacle [m]"),
+        FormField("direction", "float", "to the nearest obstacle [rad]"),
+        FormField("distance", "float", "to the nearest obstacle [m]"),
     ),
     "modification_response": (*_TAG, *PATHS.fields),
     "best_trajectory": TRAJECTORIES.fields,
     "update": _REPORT,
-    "imminent_collision": (Field("imminent", "bool", "whether the robot is to halt"),),
-    "speed_limit": (Field("limit", "float", "how fast the robot may drive [m/s]", endless=True),),
+    "imminent_collision": (FormField("imminent", "bool", "whether the robot is to halt"),),
+    "speed_limit": (FormField("limit", "float", "how fast the robot may drive [m/s]", endless=True),),
     "pose": _REPORT,
-    "cmd_vel": (Field("v", "float", "forward speed [m/s]"), Field("w", "float", "yaw rate [rad/s]")),
+    "cmd_vel": (FormField("v", "float", "forward speed [m/s]"), FormField("w", "float", "yaw rate [rad/s]")),
 }  # fmt: skip
 """The fields of every channel's messages, in order. Paths, predictions and trajectories are counted field by field."""

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from parcours.kernels import Record, kernel
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 
 SAMPLE = 0.1  # Time between two samples of a trajectory [s]
 MAX_SAMPLES = 501  # A trajectory is cut off after 50 s
@@ -114,7 +114,7 @@ PREDICTION = np.dtype(
 MODIFICATION = np.dtype([("operator", "i8"), ("first", PATH), ("second", PATH), *fields("f8", "direction distance")])
 
 
-class Step(NamedTuple):
+class PlannerStep(NamedTuple):
     """One transition of the model that a component has really taken, with the messages it sent.
 
     An empty transition is an action of the component that the model does not name. `reported` are the variables and
@@ -123,12 +123,12 @@ class Step(NamedTuple):
 
     transition: str
     sends: tuple[tuple[str, object], ...] = ()
-    reported: Reported | None = None
+    reported: StepReport | None = None
 
 
-def reporting(transition: str, *sends: tuple[str, object], operation: str = "", **variables: object) -> Step:
+def reporting(transition: str, *sends: tuple[str, object], operation: str = "", **variables: object) -> PlannerStep:
     """Return a step with what its component reports."""
-    return Step(transition, sends, Reported(variables, (operation,) if operation else ()))
+    return PlannerStep(transition, sends, StepReport(variables, (operation,) if operation else ()))
 
 
 class Tag(NamedTuple):
@@ -145,7 +145,7 @@ class Obstacles(NamedTuple):
     states: Record
 
 
-class Report(NamedTuple):
+class StateReport(NamedTuple):
     """The robot's state at `stamp` [ns] (the message of /update).
 
     `pose` is a POSE; `lag` is by how much the motion is behind its plan because its speed was limited [ns], in all.

@@ -42,7 +42,7 @@ _GUARDED = "guarded"
 Message = messages.TrajectoryResponse | messages.EvaluationResponse | messages.ModificationResponse
 
 
-class Planner:
+class PlannerComponent:
     """The component.
 
     Args:
@@ -101,7 +101,7 @@ class Planner:
             return None
         return min(self._next_planning, self._next_guard) if self._is_original else self._next_planning
 
-    def wake(self, now: int) -> Iterator[messages.Step]:
+    def wake(self, now: int) -> Iterator[messages.PlannerStep]:
         """Run what is due: a control cycle first, then the published check, then a planning cycle."""
         if self._conversation is not None and self._conversation.cycle != "planning":
             return
@@ -110,11 +110,11 @@ class Planner:
         elif self._is_original and self._next_guard <= now:
             self._next_guard += GUARD_PERIOD
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
-            yield messages.Step("", (("imminent_collision", bool(self._planner.halted)),))
+            yield messages.PlannerStep("", (("imminent_collision", bool(self._planner.halted)),))
         elif self._next_planning <= now:
             yield from self.plan()
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.PlannerStep]:
         """Take up an obstacle list, a report, or the answer of a service."""
         if channel is None:
             yield messages.reporting("p14", tcp_socket=False)
@@ -130,8 +130,8 @@ class Planner:
         else:
             yield from self._take(channel, message, now)
 
-    def _take(self, channel: str, message: object, now: int) -> Iterator[messages.Step]:
-        if isinstance(message, messages.Report):
+    def _take(self, channel: str, message: object, now: int) -> Iterator[messages.PlannerStep]:
+        if isinstance(message, messages.StateReport):
             take_report(self._planner, message.pose, message.stamp, message.lag)
             self._reported = True
             self._hasten_if_at_rest()
@@ -152,7 +152,7 @@ class Planner:
         if is_at_rest(planner):
             planner.t_next = min(int(planner.t_next), self._next_planning)
 
-    def _go_on(self, message: Message, now: int) -> Iterator[messages.Step]:
+    def _go_on(self, message: Message, now: int) -> Iterator[messages.PlannerStep]:
         cycle = message.tag.cycle
         if cycle == "sensing":
             yield from self._sense_on(message, now)
@@ -195,21 +195,21 @@ class Planner:
 
     # Sensing cycle, p15 .. p19. p16 and p18 are answers with more left to ask; the last ones lead to p17 and p19.
 
-    def _begin_sensing(self, obstacles: messages.Obstacles) -> Iterator[messages.Step]:
+    def _begin_sensing(self, obstacles: messages.Obstacles) -> Iterator[messages.PlannerStep]:
         self._obstacles = obstacles
         self._to_predict = list(range(len(obstacles.states)))
         self._predictions = messages.many(messages.PREDICTION, len(obstacles.states))
         tag = self._open("sensing")
         yield messages.reporting("p15", *self._prediction_request(tag), tcp_socket=True)
 
-    def _guard(self, obstacles: messages.Obstacles, now: int) -> Iterator[messages.Step]:
+    def _guard(self, obstacles: messages.Obstacles, now: int) -> Iterator[messages.PlannerStep]:
         """Run the guard as the task of its own that it is, before anything else: limit the speed, and perhaps halt."""
         limit = float(speed_limit(self._planner, obstacles.states, self._parameters))
         if limit != self._limit:
             self._limit = limit
-            yield messages.Step("", (("speed_limit", limit),))
+            yield messages.PlannerStep("", (("speed_limit", limit),))
         if not self._planner.halted and self._sees_imminent_collision(obstacles, now):
-            yield messages.Step("", (("imminent_collision", True),))
+            yield messages.PlannerStep("", (("imminent_collision", True),))
         if self._reported:
             self._reported = False
             self._hasten_if_at_rest()
@@ -236,7 +236,7 @@ class Planner:
         only = messages.Obstacles(self._obstacles.stamp, self._obstacles.states[k : k + 1])
         return (("trajectory_request", messages.TrajectoryRequest(tag, obstacles=only)),)
 
-    def _sense_on(self, message: Message, now: int) -> Iterator[messages.Step]:
+    def _sense_on(self, message: Message, now: int) -> Iterator[messages.PlannerStep]:
         planner = self._planner
         if isinstance(message, messages.TrajectoryResponse):
             self._predictions[self._to_predict.pop(0)] = message.trajectories[0]
@@ -263,7 +263,7 @@ class Planner:
 
     # Planning cycle: p11, then answers that the model does not name.
 
-    def plan(self) -> Iterator[messages.Step]:
+    def plan(self) -> Iterator[messages.PlannerStep]:
         """Begin a planning cycle."""
         self._next_planning += self._period
         compensate(self._planner, self._parameters)
@@ -271,7 +271,7 @@ class Planner:
         request = messages.ModificationRequest(self._open("planning"), self._request.copy())
         yield messages.reporting("p11", ("modification_request", request))
 
-    def _plan_on(self, message: Message) -> Iterator[messages.Step]:
+    def _plan_on(self, message: Message) -> Iterator[messages.PlannerStep]:
         planner = self._planner
         if isinstance(message, messages.ModificationResponse):
             self._to_try = [message.paths[k] for k in range(len(message.paths))]
@@ -280,7 +280,7 @@ class Planner:
             take_up(planner, self._candidate_trajectory, planner.switch_kind)
             trajectories = messages.many(messages.TRAJECTORY, 1)
             copy_trajectory(trajectories[0], self._candidate_trajectory, 0)
-            yield messages.Step("", (self._evaluation(trajectories),))
+            yield messages.PlannerStep("", (self._evaluation(trajectories),))
             return
         else:
             _note(self._candidate_trajectory, message, 0)
@@ -290,7 +290,7 @@ class Planner:
             return
         set_candidate(planner, self._to_try.pop(0))
         request = self._way_request(message.tag, [(self._candidate_path, int(planner.switch_kind))])
-        yield messages.Step("", (("trajectory_request", request),))
+        yield messages.PlannerStep("", (("trajectory_request", request),))
 
     def _way_request(self, tag: messages.Tag, ways: list[tuple[Record, int]]) -> messages.TrajectoryRequest:
         paths, starts, kinds = (
@@ -304,7 +304,7 @@ class Planner:
 
     # Control cycle: p12 and p13, then the adaptation of the population.
 
-    def control(self, now: int) -> Iterator[messages.Step]:
+    def control(self, now: int) -> Iterator[messages.PlannerStep]:
         """Run a control cycle at `now` [ns], as far as it needs no answer."""
         self._best = commit(self._planner, now, self._parameters)
         best = messages.one(messages.TRAJECTORY)
@@ -313,9 +313,9 @@ class Planner:
         self._asked_members = []
         yield messages.reporting("p12", ("best_trajectory", best), operation="update")
         yield messages.reporting("p13")
-        yield messages.Step("", (self._evaluation_of_moving_on(now),))
+        yield messages.PlannerStep("", (self._evaluation_of_moving_on(now),))
 
-    def _control_on(self, message: Message, now: int) -> Iterator[messages.Step]:
+    def _control_on(self, message: Message, now: int) -> Iterator[messages.PlannerStep]:
         planner = self._planner
         if isinstance(message, messages.TrajectoryResponse):
             for k, i in enumerate(self._asked_members):
@@ -324,7 +324,7 @@ class Planner:
                 take_up(planner, member.trajectory, entry_kind(planner, i, self._best))
                 member.trajectory.id = member.id
             self._asked_population = True
-            yield messages.Step("", (self._evaluation(self._population()),))
+            yield messages.PlannerStep("", (self._evaluation(self._population()),))
         elif self._asked_population and isinstance(message, messages.EvaluationResponse):
             self._asked_population = False
             self._note_population(message)
@@ -333,7 +333,7 @@ class Planner:
             note_moving_on(planner, float(message.t_collision[0]))
             yield from self._adapt(message.tag, now)
 
-    def _adapt(self, tag: messages.Tag, now: int) -> Iterator[messages.Step]:
+    def _adapt(self, tag: messages.Tag, now: int) -> Iterator[messages.PlannerStep]:
         """Decide on the halt and ask for the members' new trajectories."""
         planner, parameters = self._planner, self._parameters
         was_halted = bool(planner.halted)
@@ -348,7 +348,7 @@ class Planner:
         else:
             self._asked_population = True
             sends.append(self._evaluation(self._population()))
-        yield messages.Step("", tuple(sends))
+        yield messages.PlannerStep("", tuple(sends))
 
 
 def _note(trajectory: Record, response: messages.EvaluationResponse, k: int) -> None:

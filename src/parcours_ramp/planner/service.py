@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any
 
-from parcours_ramp.planner.messages import Obstacles, Step, reporting
+from parcours_ramp.planner.messages import Obstacles, PlannerStep, reporting
 
 
 class Timeless:
@@ -19,7 +19,7 @@ class Timeless:
         """Time alone demands nothing."""
         return None
 
-    def wake(self, now: int) -> Iterator[Step]:
+    def wake(self, now: int) -> Iterator[PlannerStep]:
         """Time alone demands nothing."""
         yield from ()
 
@@ -34,7 +34,7 @@ class Service(Timeless, ABC):
     takes: type = object
     gives = ""
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
         """Answer a request; anything else is a poll that finds nothing."""
         p = f"p{self.machine}"
         if not isinstance(message, self.takes):
@@ -56,7 +56,7 @@ class Sensing(Timeless):
 
     name = "Sensing"
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
         """Turn Obstacles from `odometry` into Obstacles on `obstacles`."""
         if not isinstance(message, Obstacles):
             yield reporting("p61", tcp_socket=False)

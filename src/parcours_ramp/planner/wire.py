@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import require_known
-from parcours_ramp.planner.flat import Field, refusal
+from parcours_ramp.planner.flat import FormField, refusal
 from parcours_ramp.planner.flattening import flatten, restore
 from parcours_ramp.planner.forms import FORMS
 
-__all__ = ["FORMS", "VERSION", "Field", "decode", "encode", "flatten", "restore"]
+__all__ = ["FORMS", "VERSION", "FormField", "decode", "encode", "flatten", "restore"]
 
 VERSION = 1  # Version of the forms; every message begins with it
 

@@ -28,9 +28,9 @@ from parcours_ramp.components.model import component_model
 from parcours_ramp.planner import wire
 from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
 from parcours_ramp.planner.latency import late_start, none
-from parcours_ramp.planner.messages import OBSTACLE_STATE, POSE, Obstacles, Report, Step, many, one
+from parcours_ramp.planner.messages import OBSTACLE_STATE, POSE, Obstacles, PlannerStep, StateReport, many, one
 from parcours_ramp.planner.path_modification import PathModification
-from parcours_ramp.planner.planner import Planner
+from parcours_ramp.planner.planner import PlannerComponent
 from parcours_ramp.planner.service import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
@@ -43,7 +43,7 @@ _COLUMNS = len(TRACK.names or ())
 _STRETCH = 500_000_000  # How long the host runs on [ns] before it is asked whether the case has ended
 
 
-class World:
+class WorldComponent:
     """The world as a component: sends what the sensors see, and drives the robot as commanded.
 
     Args:
@@ -80,12 +80,12 @@ class World:
         """The next time anybody wants to know the robot's pose or the obstacles."""
         return min(self._next_report, self._next_command, self._next_sensing)
 
-    def wake(self, now: int) -> Iterator[Step]:
+    def wake(self, now: int) -> Iterator[PlannerStep]:
         """Send the pose to Control, and the obstacles to Sensing when their message is due."""
         self.pass_to(now)
         pose = one(POSE)
         measure_robot(self._robot, pose)
-        sends: list[tuple[str, object]] = [("pose", Report(now, pose))]
+        sends: list[tuple[str, object]] = [("pose", StateReport(now, pose))]
         if self._next_report <= now:
             self._next_report += REPORT_PERIOD
         if self._next_command <= now:
@@ -96,14 +96,14 @@ class World:
             sense(self.obstacles, now - self._late, states)
             sensed = Obstacles(now - self._late, states)
             sends += [(channel, sensed) for channel in self._sends]
-        yield Step("", tuple(sends))
+        yield PlannerStep("", tuple(sends))
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
         """Take a command (forward speed [m/s], yaw rate [rad/s])."""
         if channel == "cmd_vel" and isinstance(message, tuple):
             advance(self.world, self.obstacles, now)
             self._robot["command_v"], self._robot["command_w"] = message
-            yield Step("")
+            yield PlannerStep("")
 
     def seen(self, now: int, halted: int) -> tuple[float, ...]:
         """Return an entry of a TRACK at `now` [ns], then where the obstacles are."""
@@ -129,7 +129,7 @@ class Witness:
 
     name = "Witness"
 
-    def __init__(self, setting: Record, world: World, planner: Planner, control: Control) -> None:
+    def __init__(self, setting: Record, world: WorldComponent, planner: PlannerComponent, control: Control) -> None:
         self._world, self._planner, self._control = world, planner, control
         self._limit, self._extension = int(setting.limit), int(setting.extension)
         self._goal = float(setting.goal_x), float(setting.goal_y)
@@ -153,11 +153,11 @@ class Witness:
         """The next command: what is due at the same time has been done before."""
         return self._next
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[PlannerStep]:
         """Do nothing."""
         return iter(())
 
-    def wake(self, now: int) -> Iterator[Step]:
+    def wake(self, now: int) -> Iterator[PlannerStep]:
         """Look at robot and controller."""
         self._next += COMMAND_PERIOD
         if self.ended is not None:
@@ -281,14 +281,17 @@ def run_components(
     setting, parameters = study.setting(), study.parameters
     is_timeless, has_guard = study.latencies == none(), study.parameters.schedule == "guarded"
     sends = ("odometry", "sensed") if has_guard and not is_timeless else ("odometry",)
-    body = World(study, number, lambda now: witness.before(now), sends)
+    body = WorldComponent(study, number, lambda now: witness.before(now), sends)
     goal = float(setting.goal_x), float(setting.goal_y)
     seed = study.cases.seed
     stream = np.zeros(1, np.uint64)
     opens = late_start(stream, np.uint64(seed), np.uint64(number)) if setting.starts_late else 0
     guards: tuple[Guard, ...] = ()
     if is_timeless:
-        planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters, opens)
+        planner, control = (
+            PlannerComponent(parameters, seed, number, start_pose(study), goal),
+            Control(parameters, opens),
+        )
     else:
         planner = PacedPlanner(parameters, seed, number, start_pose(study), goal, study.latencies, body.pass_to)
         planner.expected = (control := PacedControl(parameters, opens, body.pass_to)).expect

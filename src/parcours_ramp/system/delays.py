@@ -33,7 +33,7 @@ DELAYED = np.dtype([("number", "i8"), *((name, "i1") for name in QUESTIONS)])
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class DelaySetting:
     """One schedule with one delay."""
 
     schedule: str  # "original" or "guarded"
@@ -47,7 +47,7 @@ class Setting:
         return dataclasses.replace(plain, latencies=Latencies(**added), watched_on=0.0)  # type: ignore[arg-type]
 
 
-def settings_of(seconds: tuple[float, ...] = SECONDS) -> tuple[Setting, ...]:
+def settings_of(seconds: tuple[float, ...] = SECONDS) -> tuple[DelaySetting, ...]:
     """Return every setting once: for each schedule that without delay, then each delay with each time above 0.
 
     Args:
@@ -61,8 +61,8 @@ def settings_of(seconds: tuple[float, ...] = SECONDS) -> tuple[Setting, ...]:
         setting
         for schedule in SCHEDULES
         for setting in (
-            Setting(schedule, "", 0.0),
-            *(Setting(schedule, delay, s) for delay in DELAYS for s in seconds[1:]),
+            DelaySetting(schedule, "", 0.0),
+            *(DelaySetting(schedule, delay, s) for delay in DELAYS for s in seconds[1:]),
         )
     )
 
@@ -136,7 +136,7 @@ class DelayResults:
         if seconds not in self.study.seconds:
             rule = f"{seconds:g} s were not added, but one of {', '.join(f'{s:g}' for s in self.study.seconds)} s"
             raise BadRequest("delays", rule, slug="delay-times")
-        wanted = Setting(schedule, delay if seconds else "", seconds)
+        wanted = DelaySetting(schedule, delay if seconds else "", seconds)
         n = self.study.n_cases
         at = settings_of(self.study.seconds).index(wanted) * n
         return np.asarray(self.rows[question][at : at + n] == 1)

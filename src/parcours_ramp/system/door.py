@@ -13,7 +13,7 @@ from parcours.study import protocol
 from parcours.study.campaign.running import run_numbered
 from parcours.study.hosting import HOSTS
 from parcours.study.parameters import Parameter, Settings, workers_parameter
-from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Results, Run, StudyFinding
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
 from parcours_navigation.requirements.judging import rates
@@ -190,7 +190,7 @@ class RampSystem:
 
         return strike(request, progress)
 
-    def check(self, progress: Progress) -> Iterable[Finding]:
+    def check(self, progress: Progress) -> Iterable[StudyFinding]:
         """RAMP's own tests check it."""
         return ()
 

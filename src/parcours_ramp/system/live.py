@@ -29,10 +29,10 @@ from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.control import COMMAND_PERIOD
-from parcours_ramp.planner.messages import Report
+from parcours_ramp.planner.messages import StateReport
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.planner.whole import component
-from parcours_ramp.system.component_form import World, as_track, start_pose, system_links
+from parcours_ramp.system.component_form import WorldComponent, as_track, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study
 
@@ -42,7 +42,7 @@ QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modif
 _STRETCH = 100_000_000  # How long the host runs on [ns] before it is asked whether the case has ended
 
 
-class Told(TypedDict):
+class NodeTold(TypedDict):
     """What a node gets to know of its case."""
 
     schedule: str
@@ -58,7 +58,7 @@ class SystemNodeProgram(RampCodec):
 
     def instance(self, case: bytes) -> Component:
         """Return a fresh component for the case."""
-        told = msgspec.json.decode(case, type=Told)
+        told = msgspec.json.decode(case, type=NodeTold)
         study = system_study(told["schedule"], seed=told["seed"])
         setting = study.setting()
         goal = float(setting.goal_x), float(setting.goal_y)
@@ -87,7 +87,7 @@ class Observer:
         self._entries: list[tuple[float, ...]] = []
         self._facts = np.zeros(1, FACTS)
         self.ended = False
-        self.world = World(study, number, self.look)
+        self.world = WorldComponent(study, number, self.look)
 
     def look(self, now: int) -> None:
         """See how things stand at `now` [ns]."""
@@ -161,7 +161,7 @@ def run_live(
         HostFailure: a node is gone before the case begins, or sends on a channel that is not its own.
     """
     observer = Observer(study, number)
-    told: Told = {"schedule": study.parameters.schedule, "seed": study.cases.seed, "number": number}
+    told: NodeTold = {"schedule": study.parameters.schedule, "seed": study.cases.seed, "number": number}
     host = RealTimeHost(
         transport, system_links(), codec or RampCodec(), case=msgspec.json.encode(told), local=(observer.world,),
         faults=faults, listener=listener,
@@ -181,7 +181,7 @@ def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
     deaths = {event.component: event.text.removeprefix(DIED) for event in trace.events
               if event.kind == "note" and event.text.startswith(DIED)}  # fmt: skip
     for event in trace.events:
-        if event.kind == "send" and event.channel == "pose" and isinstance(event.payload, Report):
+        if event.kind == "send" and event.channel == "pose" and isinstance(event.payload, StateReport):
             for _ in observer.world.wake(event.payload.stamp):
                 pass
         elif event.kind == "receive" and event.channel == "cmd_vel":

@@ -19,7 +19,7 @@ from parcours_ramp.planner.control import Control
 from parcours_ramp.planner.guard import GUARD_PERIOD, is_imminent, take_report
 from parcours_ramp.planner.latency import Latencies, draw
 from parcours_ramp.planner.parameters import Parameters
-from parcours_ramp.planner.planner import Message, Planner
+from parcours_ramp.planner.planner import Message, PlannerComponent
 from parcours_ramp.planner.service import Timeless
 from parcours_ramp.system.workspace import FAR, ROOM
 
@@ -30,7 +30,7 @@ _TO_CONTROL = ("imminent_collision", "halt", "speed_limit")
 Pass = Callable[[int], None]  # brings the world to a time [ns]
 
 
-class PacedPlanner(Planner):
+class PacedPlanner(PlannerComponent):
     """The planner, asleep while its thread is busy.
 
     Args:
@@ -72,7 +72,7 @@ class PacedPlanner(Planner):
             return None
         return min(int(self._planner.t_next), self._next_guard, self._next_planning)
 
-    def wake(self, now: int) -> Iterator[messages.Step]:
+    def wake(self, now: int) -> Iterator[messages.PlannerStep]:
         """End the sleep, or do what has been due longest."""
         self._world(now)
         if self._asleep:
@@ -86,20 +86,20 @@ class PacedPlanner(Planner):
         else:
             self._next_guard = max(first + GUARD_PERIOD, now - now % GUARD_PERIOD + GUARD_PERIOD)
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
-            yield messages.Step("", (("imminent_collision", bool(self._planner.halted)),))
+            yield messages.PlannerStep("", (("imminent_collision", bool(self._planner.halted)),))
 
-    def control(self, now: int) -> Iterator[messages.Step]:
+    def control(self, now: int) -> Iterator[messages.PlannerStep]:
         """Run a control cycle at `now` [ns], as far as it needs no answer."""
         self.expected(now + int(self._latencies.transport))
         yield from super().control(now)
 
-    def _take(self, channel: str, message: object, now: int) -> Iterator[messages.Step]:
+    def _take(self, channel: str, message: object, now: int) -> Iterator[messages.PlannerStep]:
         if isinstance(message, messages.Obstacles):
             yield from self._begin_sensing(message)
         else:
             yield from super()._take(channel, message, now)
 
-    def _go_on(self, message: Message, now: int) -> Iterator[messages.Step]:
+    def _go_on(self, message: Message, now: int) -> Iterator[messages.PlannerStep]:
         yield from super()._go_on(message, now)
         if self._conversation is None:
             self._rest(message.tag.cycle, now)
@@ -120,7 +120,9 @@ class PacedPlanner(Planner):
             self._begun = True
         self._asleep = self._free > now
 
-    def look(self, obstacles: messages.Obstacles, report: messages.Report | None, now: int) -> list[tuple[str, object]]:
+    def look(
+        self, obstacles: messages.Obstacles, report: messages.StateReport | None, now: int
+    ) -> list[tuple[str, object]]:
         """Run the guard as a task beside the thread; return what it has to say to Control."""
         if report is not None:
             take_report(self._planner, report.pose, report.stamp, report.lag)
@@ -135,7 +137,7 @@ class PacedControl(Control):
         super().__init__(parameters, opens)
         self._world = world
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.PlannerStep]:
         """Take a message."""
         if channel != "pose":
             self._world(now)
@@ -146,7 +148,7 @@ class PacedControl(Control):
         if due > self._opens:
             self._early = None
 
-    def wake(self, now: int) -> Iterator[messages.Step]:
+    def wake(self, now: int) -> Iterator[messages.PlannerStep]:
         """Do what is due."""
         self._world(now)
         return super().wake(now)
@@ -161,7 +163,7 @@ class Guard(Timeless):
         self._planner, self._control, self._latencies = planner, control, latencies.record()
         self._busy = 0
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.PlannerStep]:
         """Look at the obstacles."""
         if not isinstance(message, messages.Obstacles):
             return
@@ -169,7 +171,7 @@ class Guard(Timeless):
         if sends := self._planner.look(message, self._control.reported, now):
             self._busy = draw(self._planner.clock, times.guard, times.guard_spread)
             names = {"imminent_collision": "halt"}
-            yield messages.Step("", tuple((names.get(channel, channel), value) for channel, value in sends))
+            yield messages.PlannerStep("", tuple((names.get(channel, channel), value) for channel, value in sends))
 
     def transport(self, channel: str) -> int:
         """Return how long a message that leaves now is on its way [ns]; the guard's, from when it began to look."""

@@ -12,8 +12,8 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.study.protocol import Reported
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.study.campaigns import Campaign
-from parcours_navigation.study.results import CampaignResults
+from parcours_navigation.study.campaigns import FinishedCampaign
+from parcours_navigation.study.results import PlannerResults
 
 FILE = "sampled.json"
 
@@ -31,10 +31,10 @@ def read_sampled(folder: Path) -> dict[str, dict[str, str]]:
         raise BadResults(str(path), rule, "delete it, and run the command again", slug="results-sampled") from error
 
 
-class SampledCampaign(CampaignResults):
+class SampledCampaign(PlannerResults):
     """A campaign some of whose cases were run again component by component; one that fails there has failed."""
 
-    def __init__(self, found: Campaign, folder: Path, study: str) -> None:
+    def __init__(self, found: FinishedCampaign, folder: Path, study: str) -> None:
         super().__init__(found, folder, study)
         self._sampled = read_sampled(folder)
 

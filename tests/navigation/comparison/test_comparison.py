@@ -20,7 +20,7 @@ from parcours_navigation.comparison.analysis import DIFFERENT_ANSWERS, analyse, 
 from parcours_navigation.comparison.document import comparison_document
 from parcours_navigation.comparison.page import SLICES, compare_page
 from parcours_navigation.comparison.pairing import TimeDifference
-from parcours_navigation.comparison.results import QUESTIONS, Contender, DecisionTimes, Results
+from parcours_navigation.comparison.results import QUESTIONS, ComparisonResults, Contender, DecisionTimes
 from parcours_navigation.comparison.tables import outcome_table, question_table
 from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import MEASURES
@@ -55,7 +55,7 @@ def facts(effects: str) -> NDArray[np.void]:
     return made
 
 
-def results(**effects: str) -> Results:
+def results(**effects: str) -> ComparisonResults:
     contenders = tuple(
         Contender(
             name.replace("_", "-"), facts(effect), answers="published" if name.startswith("ramp") else "at once",
@@ -68,27 +68,27 @@ def results(**effects: str) -> Results:
     oracle["answer"], oracle["earliest_outer"], oracle["earliest_inner"] = SOLVABLE, 10.0, 10.5
     oracle[-1] = (UNSOLVABLE, np.inf, np.inf)
     vectors = tuple("(0, 0, 0)" if k % 2 else "(0, 1, 1)" for k in range(n))
-    return Results(contenders, "table-vii", 1, n, vectors, 0.0, oracle)
+    return ComparisonResults(contenders, "table-vii", 1, n, vectors, 0.0, oracle)
 
 
 @pytest.fixture
-def compared() -> Results:
+def compared() -> ComparisonResults:
     return results(ramp="g" * 20 + "t" * 10 + "s" * 8 + "ll", best="g" * 34 + "oo" + "ssss", broken="e" * 30 + "g" * 10)
 
 
-def test_every_case_is_in_one_outcome_and_in_one_slice(compared: Results) -> None:
+def test_every_case_is_in_one_outcome_and_in_one_slice(compared: ComparisonResults) -> None:
     for contender in compared.contenders:
         assert sum((contender.outcomes == int(o)).sum() for o in Outcome) == compared.n_cases
     sliced = [outcome for members, _ in SLICES.values() for outcome in members]
     assert sorted(sliced) == sorted(Outcome)
 
 
-def test_questions_count_what_was_planted(compared: Results) -> None:
+def test_questions_count_what_was_planted(compared: ComparisonResults) -> None:
     counted = {words: [int(ask(c.facts).sum()) for c in compared.contenders] for words, ask in QUESTIONS.items()}
     assert list(counted.values()) == [[20, 36, 10], [10, 0, 0], [0, 2, 0], [8, 4, 0], [0, 0, 30]]
 
 
-def test_errors_are_shown_with_their_commonest_reasons_and_never_left_out(compared: Results) -> None:
+def test_errors_are_shown_with_their_commonest_reasons_and_never_left_out(compared: ComparisonResults) -> None:
     assert compared.contenders[2].errors() == [("raised at ... s", 30)]
     text = "\n".join(
         to_text(piece)
@@ -105,7 +105,7 @@ def test_an_error_without_a_kept_reason_is_still_counted() -> None:
     assert bare.errors() == [("hung", 1), ("no reason was kept", 1)]
 
 
-def test_only_cases_where_two_differ_decide_and_holm_counts_every_test(compared: Results) -> None:
+def test_only_cases_where_two_differ_decide_and_holm_counts_every_test(compared: ComparisonResults) -> None:
     tests = pair_tests(compared.contenders)
     assert [(t.second, t.question) for t in tests] == [
         (name, question) for name in ("best", "broken") for question in ("reached", "contact", "time")
@@ -138,14 +138,16 @@ def test_times_are_compared_where_both_reach_and_their_sign_says_who_is_faster()
     assert np.isnan(time_to_goal(both.contenders[0].facts)[-1])
 
 
-def test_planners_that_ran_other_cases_are_not_compared(compared: Results) -> None:
+def test_planners_that_ran_other_cases_are_not_compared(compared: ComparisonResults) -> None:
     other = compared.contenders[1].facts.copy()
     other["number"] += 1
     with pytest.raises(BadRequest, match=r"same cases.*\[pairs-shape\]"):
         pair_tests((compared.contenders[0], dataclasses.replace(compared.contenders[1], facts=other)))
 
 
-def test_unequal_machines_are_told_on_page_and_document_and_only_where_there_are_some(compared: Results) -> None:
+def test_unequal_machines_are_told_on_page_and_document_and_only_where_there_are_some(
+    compared: ComparisonResults,
+) -> None:
     assert DIFFERENT_ANSWERS in outcome_table(analyse(compared)).note
     assert "Unequal machines" in to_html(compare_page(analyse(compared)))
     assert comparison_document(analyse(compared))["note"] == DIFFERENT_ANSWERS
@@ -156,7 +158,7 @@ def test_unequal_machines_are_told_on_page_and_document_and_only_where_there_are
     )
 
 
-def test_scores_weigh_success_by_length_and_by_time(compared: Results) -> None:
+def test_scores_weigh_success_by_length_and_by_time(compared: ComparisonResults) -> None:
     best = compared.contenders[1]
     way = spl_of(best.facts)
     assert way[0] == pytest.approx((np.hypot(2.0, 2.0) - 0.2) / 3.0) and way[-1] == 0.0
@@ -165,7 +167,7 @@ def test_scores_weigh_success_by_length_and_by_time(compared: Results) -> None:
     assert dataclasses.replace(compared, oracle=None).sct(best) is None
 
 
-def test_the_share_of_solvable_cases_leaves_out_those_nobody_can_solve(compared: Results) -> None:
+def test_the_share_of_solvable_cases_leaves_out_those_nobody_can_solve(compared: ComparisonResults) -> None:
     last = question_table(analyse(compared)).rows[-1]
     assert last[0] == "of the 39 cases that are solvable: goal reached"
     assert (
@@ -173,7 +175,7 @@ def test_the_share_of_solvable_cases_leaves_out_those_nobody_can_solve(compared:
     )  # broken: 9 of 39, since its tenth goal is in the unsolvable case
 
 
-def test_the_document_is_json_and_complete(compared: Results) -> None:
+def test_the_document_is_json_and_complete(compared: ComparisonResults) -> None:
     timed = dataclasses.replace(
         compared.contenders[1],
         decisions=DecisionTimes(10.0, 20.0, 30.0, 400),
@@ -192,7 +194,7 @@ def test_the_document_is_json_and_complete(compared: Results) -> None:
     assert {test["question"] for test in again["tests_against_first"]} == {"reached", "contact", "time"}
 
 
-def test_who_beats_whom_is_counted_both_ways(compared: Results) -> None:
+def test_who_beats_whom_is_counted_both_ways(compared: ComparisonResults) -> None:
     shares = analyse(compared).beats
     assert shares[1, 0] == 16 / 40 and shares[0, 1] == 0.0 and (np.diag(shares) == 0.0).all()
     figure = dominance("", [c.name for c in compared.contenders], shares)

@@ -12,7 +12,7 @@ from parcours.report.pieces import Marked, Table
 from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNDECIDED, UNSOLVABLE
 from parcours_navigation.comparison.analysis import REPRODUCING, analyse, benchmark_scores
 from parcours_navigation.comparison.document import comparison_document
-from parcours_navigation.comparison.results import RULES, STUCK, Contender, Results
+from parcours_navigation.comparison.results import RULES, STUCK, ComparisonResults, Contender
 from parcours_navigation.comparison.tables import HEADLINE, benchmark_tables, paper_table, to_markdown_page
 from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import BENCHMARKS, MEASURES, PUBLISHED
@@ -36,12 +36,12 @@ def contender(name: str, n_stuck: int, n_reached: int) -> Contender:
 
 
 @pytest.fixture
-def results() -> Results:
+def results() -> ComparisonResults:
     known = np.zeros(N, SOLVABILITY)
     known["answer"], known["earliest_outer"], known["earliest_inner"] = SOLVABLE, 10.0, 10.5
     known["answer"][:4] = [UNSOLVABLE, UNSOLVABLE, UNSOLVABLE, UNDECIDED]
     both = contender("old", 12, 20), contender("new", 4, 20)
-    return Results(both, "table-vii", 1, N, ("(0, 0, 0)",) * N, 0.0, known, np.full(N, 0.9))
+    return ComparisonResults(both, "table-vii", 1, N, ("(0, 0, 0)",) * N, 0.0, known, np.full(N, 0.9))
 
 
 def cell(table: Table, row: str, column: str) -> object:
@@ -52,7 +52,7 @@ def cell(table: Table, row: str, column: str) -> object:
     return value.replace("\xa0", " ") if isinstance(value, str) else value
 
 
-def test_the_table_counts_pairs_and_tests_them_exactly(results: Results) -> None:
+def test_the_table_counts_pairs_and_tests_them_exactly(results: ComparisonResults) -> None:
     table = paper_table(analyse(results))
     assert cell(table, STUCK, "old") == "30.0 % [18.1, 45.4]"
     assert (cell(table, STUCK, "more"), cell(table, STUCK, "fewer")) == (0, 8)
@@ -60,7 +60,7 @@ def test_the_table_counts_pairs_and_tests_them_exactly(results: Results) -> None
     assert cell(table, "goal reached", "p") == "1.0000"
 
 
-def test_rows_by_the_papers_rule_add_up(results: Results) -> None:
+def test_rows_by_the_papers_rule_add_up(results: ComparisonResults) -> None:
     for one in results.contenders:
         counted = {words: int(ask(one.facts).sum()) for words, ask in RULES.items()}
         under_way = [counted[f"under way on {kind} trajectory"] for kind in ("a feasible", "an infeasible")]
@@ -68,7 +68,7 @@ def test_rows_by_the_papers_rule_add_up(results: Results) -> None:
         assert counted["paused, then moved again"] + counted[STUCK] == counted["imminent collision at any time"]
 
 
-def test_stuck_among_the_solvable_is_bracketed_by_what_is_undecided(results: Results) -> None:
+def test_stuck_among_the_solvable_is_bracketed_by_what_is_undecided(results: ComparisonResults) -> None:
     found = analyse(results).standings[1].stuck_of_solvable
     assert found is not None
     sure, likely = found
@@ -81,27 +81,27 @@ def test_stuck_among_the_solvable_is_bracketed_by_what_is_undecided(results: Res
     )
 
 
-def test_without_an_oracle_nothing_is_said_of_solvable_cases(results: Results) -> None:
+def test_without_an_oracle_nothing_is_said_of_solvable_cases(results: ComparisonResults) -> None:
     blind = dataclasses.replace(results, oracle=None)
     assert analyse(blind).standings[0].stuck_of_solvable is None
     assert all("solvable" not in str(row[0]) for row in paper_table(analyse(blind)).rows)
     assert "solvable" not in paper_table(analyse(blind)).note
 
 
-def test_every_row_has_a_cell_for_every_column_with_any_number_of_planners(results: Results) -> None:
+def test_every_row_has_a_cell_for_every_column_with_any_number_of_planners(results: ComparisonResults) -> None:
     for n in (1, 2, 3):
         some = (*results.contenders, contender("third", 0, 30))[:n]
         table = paper_table(analyse(dataclasses.replace(results, contenders=some)))
         assert {len(row) for row in table.rows} == {len(table.columns)} == {1 + n + 3 * (n - 1)}
 
 
-def test_markdown_holds_the_same_numbers(results: Results) -> None:
+def test_markdown_holds_the_same_numbers(results: ComparisonResults) -> None:
     text = to_markdown_page(analyse(results)).replace("\xa0", " ")
     assert "| stuck in imminent collision | 30.0 % [18.1, 45.4] |" in text
     assert "**Measures over all cases**" in text and "| mean clearance | m | 1 [1, 1] |" in text
 
 
-def test_every_mode_is_scored_and_those_of_published_code_on_the_cases_run_again(results: Results) -> None:
+def test_every_mode_is_scored_and_those_of_published_code_on_the_cases_run_again(results: ComparisonResults) -> None:
     scores = benchmark_scores(results)
     assert {(s.benchmark, s.mode) for s in scores} == {(b, m) for b, known in BENCHMARKS.items() for m in known.modes}
     assert all(s.cases == (10 if s.mode in REPRODUCING else N) for s in scores)
@@ -112,7 +112,7 @@ def test_every_mode_is_scored_and_those_of_published_code_on_the_cases_run_again
     assert known["barn", "dynabarn-2022", "score"] == (0.5 * 0.125, 0.5 * 0.125)
 
 
-def test_without_cases_run_again_only_corrected_modes_are_scored(results: Results) -> None:
+def test_without_cases_run_again_only_corrected_modes_are_scored(results: ComparisonResults) -> None:
     bare = tuple(dataclasses.replace(c, published=None) for c in results.contenders)
     modes = {s.mode for s in benchmark_scores(dataclasses.replace(results, contenders=bare))}
     assert modes and not modes & set(REPRODUCING)
@@ -120,7 +120,7 @@ def test_without_cases_run_again_only_corrected_modes_are_scored(results: Result
     assert benchmark_tables(analyse(dataclasses.replace(results, contenders=unmeasured))) == ()
 
 
-def test_the_document_holds_both_ends_of_the_bracket_and_the_scores(results: Results) -> None:
+def test_the_document_holds_both_ends_of_the_bracket_and_the_scores(results: ComparisonResults) -> None:
     document = json.loads(json.dumps(comparison_document(analyse(results)), allow_nan=False))
     assert document["solvable"]["count"] == 36 and document["undecided"] == 1
     new = document["planners"]["new"]

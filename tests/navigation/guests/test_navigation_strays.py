@@ -23,7 +23,7 @@ from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation
 from parcours_navigation.study.analysis import analyse
-from parcours_navigation.study.campaigns import Campaign, load_results
+from parcours_navigation.study.campaigns import FinishedCampaign, load_results
 from parcours_navigation.study.outcome_tables import outcome_figure, outcome_table
 from parcours_navigation.study.study import NavigationStudy
 from parcours_ramp.system.campaigns import load_campaign
@@ -192,7 +192,7 @@ def test_what_is_told_of_a_planner_is_the_sound_outcomes_and_no_signal_it_cannot
     run_campaign(study, study.campaign(30), here / "straight")
     ramp = system_study("guarded", seed=1)
     run_campaign(ramp, ramp.campaign(4), here / "ramp")
-    straight: Campaign = load_results(here / "straight")
+    straight: FinishedCampaign = load_results(here / "straight")
     ended = {"s": analyse(straight), "g": analyse(load_campaign(here / "ramp"))}
     one, other = {"s": ended["s"]}, {"g": ended["g"]}
     rows = {str(row[0]): row[1:] for row in outcome_table(one).rows}

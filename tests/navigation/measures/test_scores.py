@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
 from parcours_navigation.facts import FACTS, NEVER
-from parcours_navigation.measures import BENCHMARKS, MEASURES, PUBLISHED, Column, Runs, barn, score, sct, spl
+from parcours_navigation.measures import BENCHMARKS, MEASURES, PUBLISHED, Runs, ScoreColumn, barn, score, sct, spl
 
 
 def facts(n: int, **given: object) -> NDArray[np.void]:
@@ -35,7 +35,7 @@ def measures(n: int, **given: object) -> NDArray[np.void]:
     return array
 
 
-def columns(runs: Runs, benchmark: str, mode: str | None = None) -> dict[str, Column]:
+def columns(runs: Runs, benchmark: str, mode: str | None = None) -> dict[str, ScoreColumn]:
     return {column.name: column for column in score(runs, benchmark, mode)}
 
 
@@ -72,9 +72,9 @@ def test_spl_lies_between_0_and_the_success_rate_and_knows_no_unit(
 
 
 def test_an_unknown_shortest_way_leaves_a_run_out_of_the_mean() -> None:
-    column = Column("SPL", "1", spl([True, True], [math.nan, 2.0], [4.0, 4.0]))
+    column = ScoreColumn("SPL", "1", spl([True, True], [math.nan, 2.0], [4.0, 4.0]))
     assert column.mean == 0.5
-    assert math.isnan(Column("SPL", "1", np.array([math.nan])).mean)
+    assert math.isnan(ScoreColumn("SPL", "1", np.array([math.nan])).mean)
 
 
 def test_barn_clips_between_2_and_8_optimal_times() -> None:

@@ -15,10 +15,10 @@ from parcours_navigation.others.entries import Others
 from parcours_navigation.others.kinds import (
     ConstantVelocity,
     Motion,
-    Orca,
+    OrcaPeople,
     RandomWalk,
     Recorded,
-    SocialForce,
+    SocialForcePeople,
     Waypoints,
 )
 from parcours_navigation.others.tracks import Tracks
@@ -35,7 +35,7 @@ AREA = (0.0, 0.0, 6.0, 6.0)
 TRACK = Tracks(("a",), (np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 2.0], [3.0, 5.0, 2.0]]),))
 MOTIONS: list[Motion] = [
     ConstantVelocity(), Waypoints(((0.0, 0.0), (1.0, 2.0), (-1.0, 3.0))), RandomWalk(between=(0.2, 0.5)),
-    Recorded(TRACK), SocialForce(), Orca(),
+    Recorded(TRACK), SocialForcePeople(), OrcaPeople(),
 ]  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def test_what_an_agent_writes_is_how_it_moved(motion: Motion) -> None:
             way = math.hypot(now.x - old.x, now.y - old.y)
             assert way <= now.speed * 0.01 + 1e-12
             steady = abs(math.remainder(now.heading - old.heading, math.tau)) < 1e-9 and abs(now.v - old.v) < 1e-9
-            if not steady and not isinstance(motion, (SocialForce, Orca)):
+            if not steady and not isinstance(motion, (SocialForcePeople, OrcaPeople)):
                 continue  # it turned a corner within the tick
             assert way == pytest.approx(now.v * 0.01, abs=1e-6)
             if way > 1e-6:
@@ -68,18 +68,18 @@ def test_what_an_agent_writes_is_how_it_moved(motion: Motion) -> None:
 
 
 def test_a_begun_obstacle_is_at_its_start_and_will_not_stop_by_itself() -> None:
-    crowd = drawn([Others(Orca(), number=2, area=AREA)], 1, 0)
+    crowd = drawn([Others(OrcaPeople(), number=2, area=AREA)], 1, 0)
     begin_agents(crowd.agents, crowd.ways, crowd.obstacles, NONE)
     one, agent = crowd.obstacles[0], crowd.agents[0]
     assert (one.x, one.y, one.now, one.stop, one.apart) == (one.x0, one.y0, 0, FOREVER, -1)
     assert one.speed == agent.top
 
 
-@pytest.mark.parametrize("motion", [SocialForce(), Orca()])
+@pytest.mark.parametrize("motion", [SocialForcePeople(), OrcaPeople()])
 def test_people_decide_every_fifth_tick(motion: Motion) -> None:
     crowd = drawn([Others(motion, number=12, area=AREA, radius=0.2)], 1, 0)
     begin_agents(crowd.agents, crowd.ways, crowd.obstacles, NONE)
-    names = ["ax", "ay"] if isinstance(motion, SocialForce) else ["vx", "vy"]
+    names = ["ax", "ay"] if isinstance(motion, SocialForcePeople) else ["vx", "vy"]
     decided = []
     for k in range(1, 101):
         before = [crowd.agents[name].tolist() for name in names]
@@ -89,8 +89,8 @@ def test_people_decide_every_fifth_tick(motion: Motion) -> None:
     assert decided == list(range(0, 100 * TICK, DECISION))
 
 
-@pytest.mark.parametrize("motion", [SocialForce, Orca])
-def test_a_person_slides_along_a_wall(stroll: Stroller, motion: type[SocialForce | Orca]) -> None:
+@pytest.mark.parametrize("motion", [SocialForcePeople, OrcaPeople])
+def test_a_person_slides_along_a_wall(stroll: Stroller, motion: type[SocialForcePeople | OrcaPeople]) -> None:
     wall = np.array([[-5.0, 1.0, 20.0, 1.0]])
     person = Others(motion(goals=((12.0, 4.0),), loop=False), places=((0.0, 0.0),))
     walked = stroll(person, 8.0, walls=wall)
@@ -103,7 +103,7 @@ def test_a_person_slides_along_a_wall(stroll: Stroller, motion: type[SocialForce
 
 def test_who_feels_no_wall_until_it_is_touched_slides_along_it_all_the_same(stroll: Stroller) -> None:
     wall = np.array([[-5.0, 1.0, 40.0, 1.0]])
-    person = Others(SocialForce(goals=((30.0, 30.0),), wall_strength=0.0), places=((0.0, 0.0),), speed=1.0)
+    person = Others(SocialForcePeople(goals=((30.0, 30.0),), wall_strength=0.0), places=((0.0, 0.0),), speed=1.0)
     walked = stroll(person, 6.0, walls=wall)
     touching = walked.places[:, 0, 1] > 0.7 - 1e-6
     assert touching[-300:].all()
@@ -112,8 +112,10 @@ def test_who_feels_no_wall_until_it_is_touched_slides_along_it_all_the_same(stro
 
 
 @pytest.mark.parametrize("angle", np.linspace(0.2, 3.0, 8))
-@pytest.mark.parametrize("motion", [SocialForce, Orca])
-def test_in_a_corner_neither_wall_is_entered(stroll: Stroller, angle: float, motion: type[SocialForce | Orca]) -> None:
+@pytest.mark.parametrize("motion", [SocialForcePeople, OrcaPeople])
+def test_in_a_corner_neither_wall_is_entered(
+    stroll: Stroller, angle: float, motion: type[SocialForcePeople | OrcaPeople]
+) -> None:
     corner = np.array([[0.0, 0.0, 8.0, 0.0], [0.0, 0.0, 8.0 * math.cos(angle), 8.0 * math.sin(angle)]])
     start = (4.0 * math.cos(angle / 2), 4.0 * math.sin(angle / 2))
     person = Others(motion(goals=((-4.0, -1.0),)), places=(start,), radius=0.3, speed=1.5)
@@ -123,7 +125,7 @@ def test_in_a_corner_neither_wall_is_entered(stroll: Stroller, angle: float, mot
 
 
 def test_obstacles_without_an_agent_are_avoided_and_stay(stroll: Stroller) -> None:
-    crowd = drawn([Others(Orca(goals=((8.0, 0.0),), loop=False), places=((0.0, 0.0),))], 1, 0)
+    crowd = drawn([Others(OrcaPeople(goals=((8.0, 0.0),), loop=False), places=((0.0, 0.0),))], 1, 0)
     obstacles = np.concatenate([np.zeros(1, crowd.obstacles.dtype), crowd.obstacles]).view(np.recarray)
     obstacles[0].x, obstacles[0].y, obstacles[0].radius = 4.0, 0.1, 0.5
     crowd.agents["obstacle"] += 1

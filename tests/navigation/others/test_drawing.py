@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from parcours.errors import BadRequest
 from parcours_navigation.others.drawing import GAP, drawn
 from parcours_navigation.others.entries import Others, read_others
-from parcours_navigation.others.kinds import ConstantVelocity, Orca, RandomWalk, SocialForce, Waypoints
+from parcours_navigation.others.kinds import ConstantVelocity, OrcaPeople, RandomWalk, SocialForcePeople, Waypoints
 
 AREA = (0.0, 0.0, 8.0, 6.0)
 
@@ -32,10 +32,10 @@ def test_all_begin_clear_of_each_other_of_walls_and_of_the_robot(
     seed: int, case: int, group: int, number: int, radius: float
 ) -> None:
     others = [
-        Others(SocialForce(), number=number, area=AREA, radius=radius, group=group),
+        Others(SocialForcePeople(), number=number, area=AREA, radius=radius, group=group),
         Others(RandomWalk(), number=5, area=AREA, radius=0.2),
         Others(Waypoints(((1.0, 1.0), (2.0, 2.0)))),
-        Others(Orca(), number=3, area=AREA, radius=0.2),
+        Others(OrcaPeople(), number=3, area=AREA, radius=0.2),
     ]
     crowd = drawn(others, seed, case, is_free=is_free, taken=[(2.0, 3.0, 0.5)])
     bodies = [(float(o.x0), float(o.y0), float(o.radius)) for o in crowd.obstacles]
@@ -58,7 +58,7 @@ def is_way_free(x0: float, y0: float, x1: float, y1: float, radius: float) -> bo
 
 @pytest.mark.parametrize("loop", [True, False])
 def test_drawn_goals_may_be_held_to_free_ways(loop: bool) -> None:
-    people = Others(Orca(drawn_goals=4, loop=loop), number=20, area=AREA, radius=0.2)
+    people = Others(OrcaPeople(drawn_goals=4, loop=loop), number=20, area=AREA, radius=0.2)
     crowd = drawn([people], 3, 0, is_free=is_free, is_way_free=is_way_free)
     for agent, body in zip(crowd.agents, crowd.obstacles, strict=True):
         goals = crowd.ways[agent["first"] : agent["first"] + agent["count"], 1:].tolist()
@@ -69,7 +69,7 @@ def test_drawn_goals_may_be_held_to_free_ways(loop: bool) -> None:
 
 
 def test_a_case_is_its_seed_and_number() -> None:
-    others = [Others(SocialForce(), number=10, area=AREA, group=3, speed_spread=0.2)]
+    others = [Others(SocialForcePeople(), number=10, area=AREA, group=3, speed_spread=0.2)]
     first, again, other = drawn(others, 7, 3), drawn(others, 7, 3), drawn(others, 7, 4)
     assert first.agents.tobytes() == again.agents.tobytes()
     assert first.obstacles.tobytes() == again.obstacles.tobytes()
@@ -77,7 +77,7 @@ def test_a_case_is_its_seed_and_number() -> None:
 
 
 def test_of_those_drawn_only_some_are_there_and_they_are_as_they_were() -> None:
-    entry = Others(SocialForce(), number=6, area=(0.0, 0.0, 8.0, 8.0), group=2, speed_spread=0.1)
+    entry = Others(SocialForcePeople(), number=6, area=(0.0, 0.0, 8.0, 8.0), group=2, speed_spread=0.1)
     every, some = drawn([entry], 1, 5), drawn([dataclasses.replace(entry, only=(1, 4))], 1, 5)
     names = [name for name in every.agents.dtype.names or () if name not in ("obstacle", "group")]
     assert all(some.agents[name].tobytes() == every.agents[[1, 4]][name].tobytes() for name in names)
@@ -87,24 +87,24 @@ def test_of_those_drawn_only_some_are_there_and_they_are_as_they_were() -> None:
 
 
 def test_another_entry_changes_nothing_of_an_earlier_one() -> None:
-    people = Others(SocialForce(), number=10, area=AREA)
-    alone, beside = drawn([people], 1, 0), drawn([people, Others(Orca(), number=5, area=AREA)], 1, 0)
+    people = Others(SocialForcePeople(), number=10, area=AREA)
+    alone, beside = drawn([people], 1, 0), drawn([people, Others(OrcaPeople(), number=5, area=AREA)], 1, 0)
     assert alone.agents.tobytes() == beside.agents[:10].tobytes()
 
 
 def test_groups_have_one_number_the_same_goals_and_begin_near_each_other() -> None:
-    crowd = drawn([Others(SocialForce(), number=11, area=(0.0, 0.0, 30.0, 30.0), group=4)], 2, 0)
+    crowd = drawn([Others(SocialForcePeople(), number=11, area=(0.0, 0.0, 30.0, 30.0), group=4)], 2, 0)
     assert crowd.agents["group"].tolist() == [0] * 4 + [1] * 4 + [2] * 3
     places = np.column_stack([crowd.obstacles["x0"], crowd.obstacles["y0"]])
     for first, last in ((0, 4), (4, 8), (8, 11)):
         assert np.linalg.norm(places[first:last] - places[first], axis=1).max() < 3.0
         ways = [crowd.ways[a["first"] : a["first"] + a["count"]].tolist() for a in crowd.agents[first:last]]
         assert all(way == ways[0] for way in ways)
-    assert drawn([Others(Orca(), number=3, area=AREA)], 2, 0).agents["group"].tolist() == [-1, -1, -1]
+    assert drawn([Others(OrcaPeople(), number=3, area=AREA)], 2, 0).agents["group"].tolist() == [-1, -1, -1]
 
 
 def test_speeds_have_the_spread_that_was_asked_for() -> None:
-    others = Others(Orca(), number=200, area=(0.0, 0.0, 60.0, 60.0), speed=1.29, speed_spread=0.19)
+    others = Others(OrcaPeople(), number=200, area=(0.0, 0.0, 60.0, 60.0), speed=1.29, speed_spread=0.19)
     speeds = drawn([others], 1, 0).agents["speed"]
     assert speeds.mean() == pytest.approx(1.29, abs=0.05)
     assert speeds.std() == pytest.approx(0.19, abs=0.03)
@@ -112,13 +112,13 @@ def test_speeds_have_the_spread_that_was_asked_for() -> None:
 
 
 def test_those_who_do_not_fit_are_refused_with_how_many_did() -> None:
-    crowd = Others(Orca(), number=30, area=(0.0, 0.0, 2.0, 2.0))
+    crowd = Others(OrcaPeople(), number=30, area=(0.0, 0.0, 2.0, 2.0))
     message = (
         r"others of case 5: 30 discs with a radius of 0.3 m must find room, but \d+ did in the area .*; give fewer"
     )
     with pytest.raises(BadRequest, match=rf"{message}.*\[others-do-not-fit\]"):
         drawn([crowd], 1, 5)
-    nowhere = Others(Orca(), places=((0.0, 0.0),), area=AREA)
+    nowhere = Others(OrcaPeople(), places=((0.0, 0.0),), area=AREA)
     with pytest.raises(BadRequest, match=r"a goal must have room .*\[others-do-not-fit\]"):
         drawn([nowhere], 1, 0, is_free=lambda x, y, radius: False)
 
@@ -126,7 +126,7 @@ def test_those_who_do_not_fit_are_refused_with_how_many_did() -> None:
 def test_an_entry_of_a_world_file_is_read(tmp_path: Path) -> None:
     entry = {"number": 20, "motion": "social-force", "speed": 1.3, "radius": 0.3, "group": 4, "area": [0, 0, 8, 6]}
     others = read_others(entry)
-    assert others == Others(SocialForce(), number=20, speed=1.3, radius=0.3, group=4, area=(0, 0, 8, 6))
+    assert others == Others(SocialForcePeople(), number=20, speed=1.3, radius=0.3, group=4, area=(0, 0, 8, 6))
     others = read_others({"motion": "waypoints", "points": [[0, 0], [1, 2.5]], "loop": False})
     assert others.motion == Waypoints(((0, 0), (1, 2.5)), loop=False)
     (tmp_path / "walk.csv").write_text("agent,t,x,y\na,0,0,0\nb,0,1,1\n", encoding="utf-8")

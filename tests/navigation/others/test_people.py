@@ -11,7 +11,7 @@ import pytest
 from parcours_navigation.others.agents import begin_agents, step_agents
 from parcours_navigation.others.drawing import drawn
 from parcours_navigation.others.entries import Others
-from parcours_navigation.others.kinds import ConstantVelocity, Orca, RandomWalk, SocialForce
+from parcours_navigation.others.kinds import ConstantVelocity, OrcaPeople, RandomWalk, SocialForcePeople
 from parcours_navigation.others.walls import nearest
 
 if TYPE_CHECKING:
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 ROOM = np.array([[0.0, 0.0, 9.0, 0.0], [9.0, 0.0, 9.0, 9.0], [9.0, 9.0, 0.0, 9.0], [0.0, 9.0, 0.0, 0.0]])
 INSIDE = (0.5, 0.5, 8.5, 8.5)
-PEOPLE = [SocialForce, Orca]
+PEOPLE = [SocialForcePeople, OrcaPeople]
 
 
-def meeting(motion: type[SocialForce | Orca], offset: float, **options: float) -> list[Others]:
+def meeting(motion: type[SocialForcePeople | OrcaPeople], offset: float, **options: float) -> list[Others]:
     """Return two people who walk towards each other, 10 m apart, and `offset` beside each other."""
     return [
         Others(motion(goals=((10.0, 0.0),), loop=False, **options), places=((0.0, 0.0),)),  # type: ignore[arg-type]
@@ -32,7 +32,7 @@ def meeting(motion: type[SocialForce | Orca], offset: float, **options: float) -
 
 @pytest.mark.parametrize("motion", PEOPLE)
 def test_two_people_who_meet_head_on_both_pass_on_the_right_and_arrive(
-    stroll: Stroller, motion: type[SocialForce | Orca]
+    stroll: Stroller, motion: type[SocialForcePeople | OrcaPeople]
 ) -> None:
     walked = stroll(meeting(motion, 0.0), 15.0)
     k = int(np.argmin(np.abs(walked.places[:, 0, 0] - walked.places[:, 1, 0])))
@@ -42,7 +42,7 @@ def test_two_people_who_meet_head_on_both_pass_on_the_right_and_arrive(
 
 @pytest.mark.parametrize("offset", [-0.4, -0.1, 0.1, 0.4])
 def test_a_pair_by_social_force_passes_on_one_side_and_hardly_touches(stroll: Stroller, offset: float) -> None:
-    walked = stroll(meeting(SocialForce, offset), 12.0)
+    walked = stroll(meeting(SocialForcePeople, offset), 12.0)
     beside = walked.places[:, 0, 1] - walked.places[:, 1, 1]
     near = np.abs(walked.places[:, 0, 0] - walked.places[:, 1, 0]) < 1.0
     assert (np.sign(beside[near]) == np.sign(beside[near][0])).all()
@@ -50,7 +50,7 @@ def test_a_pair_by_social_force_passes_on_one_side_and_hardly_touches(stroll: St
 
 
 def test_bodies_in_contact_are_stopped_by_their_stiffness_alone(stroll: Stroller) -> None:
-    walked = stroll(meeting(SocialForce, 0.0, strength=0.0), 8.0)
+    walked = stroll(meeting(SocialForcePeople, 0.0, strength=0.0), 8.0)
     # two masses on one spring: the depth is that of the relative speed over sqrt(2 k / m)
     assert -1.2 * 2.58 / math.sqrt(2.0 * 1500.0) < walked.gaps.min() < -0.5 * 2.58 / math.sqrt(2.0 * 1500.0)
 
@@ -60,7 +60,8 @@ def test_pairs_by_orca_never_touch(stroll: Stroller) -> None:
     for case in range(400):
         pair = [
             Others(
-                Orca(goals=tuple(map(tuple, rng.uniform(0.0, 6.0, (3, 2)))), margin=0.0, horizon=rng.uniform(0.5, 5.0)),
+                OrcaPeople(goals=tuple(map(tuple, rng.uniform(0.0, 6.0, (3, 2)))), margin=0.0,
+                           horizon=rng.uniform(0.5, 5.0)),
                 places=((float(x), float(rng.uniform(0.0, 6.0))),), speed=rng.uniform(0.3, 2.0), radius=0.3,
             )
             for x in (rng.uniform(0.0, 2.5), rng.uniform(3.5, 6.0))
@@ -71,7 +72,7 @@ def test_pairs_by_orca_never_touch(stroll: Stroller) -> None:
 
 @pytest.mark.parametrize("motion", PEOPLE)
 def test_nobody_enters_a_wall_or_goes_faster_than_the_top_speed(
-    stroll: Stroller, motion: type[SocialForce | Orca]
+    stroll: Stroller, motion: type[SocialForcePeople | OrcaPeople]
 ) -> None:
     crowd = Others(motion(), number=40, area=INSIDE, radius=0.25, group=2, speed_spread=0.19)
     walked = stroll(crowd, 20.0, walls=ROOM)
@@ -84,13 +85,13 @@ def test_nobody_enters_a_wall_or_goes_faster_than_the_top_speed(
 
 
 def test_a_crowd_by_orca_in_a_room_does_not_touch(stroll: Stroller) -> None:
-    walked = stroll(Others(Orca(), number=25, area=INSIDE, radius=0.25), 30.0, walls=ROOM)
+    walked = stroll(Others(OrcaPeople(), number=25, area=INSIDE, radius=0.25), 30.0, walls=ROOM)
     assert walked.gaps.min() > 0.0
 
 
 @pytest.mark.parametrize("motion", PEOPLE)
 def test_who_yields_gives_way_to_the_robot_and_who_does_not_walks_on(
-    stroll: Stroller, motion: type[SocialForce | Orca]
+    stroll: Stroller, motion: type[SocialForcePeople | OrcaPeople]
 ) -> None:
     def robot(time: float) -> tuple[float, float, float, float, float]:
         return 9.0 - 0.5 * time, 0.05, -0.5, 0.0, 0.3
@@ -108,7 +109,7 @@ def test_who_yields_gives_way_to_the_robot_and_who_does_not_walks_on(
 
 
 def test_the_share_that_yields_is_that_of_the_people() -> None:
-    agents = drawn([Others(Orca(), number=200, area=(0.0, 0.0, 60.0, 60.0), yields=0.3, effort=0.5)], 1, 0).agents
+    agents = drawn([Others(OrcaPeople(), number=200, area=(0.0, 0.0, 60.0, 60.0), yields=0.3, effort=0.5)], 1, 0).agents
     assert set(agents["yields"].tolist()) == {0.0, 0.5}
     assert 40 < (agents["yields"] > 0.0).sum() < 80
 
@@ -116,7 +117,7 @@ def test_the_share_that_yields_is_that_of_the_people() -> None:
 def test_a_group_stays_together_by_cohesion(stroll: Stroller) -> None:
     def spread(cohesion: float) -> float:
         goals = ((60.0, 5.0),)
-        group = Others(SocialForce(goals=goals, cohesion=cohesion), number=4, group=4, area=(0.0, 3.0, 4.0, 7.0),
+        group = Others(SocialForcePeople(goals=goals, cohesion=cohesion), number=4, group=4, area=(0.0, 3.0, 4.0, 7.0),
                        speed_spread=0.3)  # fmt: skip
         places = stroll(group, 30.0, seed=4).places[-1]
         return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
@@ -137,7 +138,7 @@ def test_people_go_round_who_stands_and_who_gives_way_to_nobody(stroll: Stroller
 
 
 def test_who_is_stopped_for_good_stands_and_is_avoided(stroll: Stroller) -> None:
-    crowd = drawn(meeting(Orca, 0.0), 1, 0)
+    crowd = drawn(meeting(OrcaPeople, 0.0), 1, 0)
     walls = np.empty((0, 4))
     begin_agents(crowd.agents, crowd.ways, crowd.obstacles, walls)
     for k in range(1, 1500):
@@ -153,15 +154,15 @@ def test_who_is_stopped_for_good_stands_and_is_avoided(stroll: Stroller) -> None
 
 
 def test_who_sets_out_later_stands_till_then(stroll: Stroller) -> None:
-    people = Others(Orca(goals=((9.0, 0.0),)), places=((0.0, 0.0),), start=(2.0, 2.0))
+    people = Others(OrcaPeople(goals=((9.0, 0.0),)), places=((0.0, 0.0),), start=(2.0, 2.0))
     walked = stroll(people, 4.0)
     assert (walked.places[:201, 0] == 0.0).all()
     assert walked.places[-1, 0, 0] == pytest.approx(2.0 * 1.29, abs=0.05)
 
 
 MIXED = [
-    Others(SocialForce(), number=40, area=INSIDE, radius=0.2, group=3),
-    Others(Orca(), number=20, area=INSIDE, radius=0.2),
+    Others(SocialForcePeople(), number=40, area=INSIDE, radius=0.2, group=3),
+    Others(OrcaPeople(), number=20, area=INSIDE, radius=0.2),
     Others(RandomWalk(), number=5, area=INSIDE, radius=0.2, speed=0.8),
 ]
 

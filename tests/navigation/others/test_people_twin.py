@@ -18,7 +18,7 @@ from parcours_navigation.others.agent import ORCA, STAND
 from parcours_navigation.others.agents import begin_agents, step_agents
 from parcours_navigation.others.drawing import Crowd, drawn
 from parcours_navigation.others.entries import Others
-from parcours_navigation.others.kinds import ConstantVelocity, Orca, SocialForce
+from parcours_navigation.others.kinds import ConstantVelocity, OrcaPeople, SocialForcePeople
 from parcours_navigation.others.permitting import half_plane, nearest_permitted, wall_plane
 from parcours_navigation.protocol import Floats
 
@@ -31,9 +31,11 @@ def picture(seed: int) -> tuple[Crowd, Floats]:
     rng = np.random.default_rng(seed)
     area = (0.5, 0.5, 8.5, 8.5)
     others = [
-        Others(SocialForce(cohesion=3.0), number=int(rng.integers(1, 8)), group=3, area=area, radius=0.25, effort=0.7),
-        Others(Orca(), number=int(rng.integers(1, 8)), area=area, radius=0.2, yields=0.5),
-        Others(Orca(goals=((1.0, 1.0),), loop=False, acceleration=2.0), number=3, area=area, radius=0.2),
+        Others(
+            SocialForcePeople(cohesion=3.0), number=int(rng.integers(1, 8)), group=3, area=area, radius=0.25, effort=0.7
+        ),
+        Others(OrcaPeople(), number=int(rng.integers(1, 8)), area=area, radius=0.2, yields=0.5),
+        Others(OrcaPeople(goals=((1.0, 1.0),), loop=False, acceleration=2.0), number=3, area=area, radius=0.2),
         Others(ConstantVelocity(), number=int(rng.integers(1, 30)), area=area, radius=0.05, speed=0.8),
     ]
     crowd = drawn(others, seed, 0)

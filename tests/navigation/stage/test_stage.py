@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests.host import Host
+from parcours_navigation.guests.host import GuestHost
 from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation, Trajectory
@@ -29,7 +29,7 @@ def along(observation: Observation) -> Answer:
 def test_a_plain_world_is_the_same_when_it_is_moved_as_any_other(protocol: str) -> None:
     study = NavigationStudy(along, SystemCases(3, protocol), Scenario(watched_on=2.0))  # type: ignore[arg-type]
     plain = study.run(np.arange(20))
-    host, general = Host(load_planner(along), study.setting(), 3), []
+    host, general = GuestHost(load_planner(along), study.setting(), 3), []
     for one in study.staged(np.arange(20)):
         robot = one.scene.robot[0]
         body = Body(

@@ -10,7 +10,7 @@ from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import MEASURES, measures_of
 from parcours_navigation.study.distribution import (
     SHOWN,
-    Summary,
+    MeasureSummary,
     distribution_table,
     measured,
     oracle,
@@ -37,7 +37,7 @@ def test_what_a_case_does_not_have_is_left_out_of_its_row() -> None:
     known = measured(facts, measures, earliest=np.full(21, 6.0), survival=np.full(21, 0.8))
     assert list(known) == list(SHOWN)
     found = summarised(known)
-    assert found["time_to_goal"] == Summary("s", 1, mean=12.0, median=12.0, p05=12.0, p95=12.0)
+    assert found["time_to_goal"] == MeasureSummary("s", 1, mean=12.0, median=12.0, p05=12.0, p95=12.0)
     assert found["least_time_to_collision"].n == 0 and found["least_time_to_collision"].median is None
     assert found["sct"].mean == pytest.approx(0.5 / 21)
     assert found["late_cycles"].median == 25.0

@@ -9,7 +9,7 @@ import pytest
 from parcours.report.pieces import Marked
 from parcours_navigation.outcomes import Outcome, Share
 from parcours_navigation.study.analysis import ASKED, Ended
-from parcours_navigation.study.distribution import Summary
+from parcours_navigation.study.distribution import MeasureSummary
 from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
 
 
@@ -18,7 +18,7 @@ def ended(*, signals: bool, planned: int = 4, n: int = 4) -> Ended:
     outcomes = Counter({int(Outcome.REACHED): 2, int(Outcome.STUCK): 1, int(Outcome.ERROR): 1})
     paper = {"reached": 2, "feasible": 3, "halted_once": 1, "stuck": 1}
     shares = dict(zip(Share, (2, 1, 0, 1), strict=True))
-    measures = {"spl": Summary("1", 4, 0.5, 0.4, 0.1, 0.9), "time_to_goal": Summary("s", 0)}
+    measures = {"spl": MeasureSummary("1", 4, 0.5, 0.4, 0.1, 0.9), "time_to_goal": MeasureSummary("s", 0)}
     errors = (("raised: KeyError", 1, 3),)
     return Ended("mine", "table-vii", 1, n, planned, signals, outcomes, paper, shares, measures, errors)
 

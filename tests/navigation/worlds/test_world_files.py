@@ -9,13 +9,13 @@ import pytest
 
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, find_world, parse_world, shipped
-from parcours_navigation.worlds.plan import Detection, Plan
+from parcours_navigation.worlds.plan import Detection, WorldPlan
 
 HERE = Path(__file__).parent
 LEAST = "parcours: world/1\nname: yard\ntask: {start: [0, 0, 0], goal: [3, 0]}\n"
 
 
-def _world(text: str = "", least: str = LEAST) -> Plan:
+def _world(text: str = "", least: str = LEAST) -> WorldPlan:
     return parse_world(least + text, "yard.yaml", HERE).plan()
 
 

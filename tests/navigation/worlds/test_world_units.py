@@ -18,8 +18,8 @@ from parcours_navigation.worlds.staging import GENERATORS
 from parcours_navigation.worlds.units import UNIT_OF
 
 TASK = "task: {start: [1, 2, 90 deg], goal: [5 m, 2], time_limit: 1 min}\n"
-PARTS = (plan.Detection, plan.LaserScan, plan.Sensing, plan.Task, plan.StopMoveStop, plan.Ground, Body, Odometry,
-         Others, *MOTIONS.values())  # fmt: skip
+PARTS = (plan.Detection, plan.LaserScan, plan.SensingPlan, plan.TaskPlan, plan.StopMoveStop, plan.GroundPlan,
+         Body, Odometry, Others, *MOTIONS.values())  # fmt: skip
 
 
 def world(body: str) -> None:

@@ -26,7 +26,7 @@ from parcours.paths.timing.schedules import Contradiction, Schedule, schedule
 
 if TYPE_CHECKING:
     from parcours.paths.solving.proving import Prover
-    from parcours.paths.solving.searching import Prefixes, Search
+    from parcours.paths.solving.searching import PathSearch, Prefixes
 
     Found = tuple[tuple[str, ...], tuple[Inputs, ...]]
 
@@ -159,7 +159,7 @@ class _Solving:
             return ""
         from parcours.paths.solving.proving import Prover, bounds_of
         from parcours.paths.solving.reading import ModelTables
-        from parcours.paths.solving.searching import Prefixes, Search
+        from parcours.paths.solving.searching import PathSearch, Prefixes
 
         ground = ModelTables(self.model)
         prover = Prover(
@@ -174,7 +174,7 @@ class _Solving:
         )
         self._exclude(list(self.open), lambda need: prover.proof(need, until, 1))
         prefixes = Prefixes(ground, self.owner, self.machine, seed, self.work)
-        root = Search(prefixes, self.targets, (), self.verifier.runs)
+        root = PathSearch(prefixes, self.targets, (), self.verifier.runs)
         prefixes.until = self.work.after(0.5)
         reason = self._grow(prefixes, root, prover, complete=complete)
         until = self.work.after(0.5)
@@ -197,7 +197,7 @@ class _Solving:
                 self.open.pop(need, None)
                 self._tell()
 
-    def _grow(self, prefixes: Prefixes, root: Search, prover: Prover, *, complete: bool) -> str:
+    def _grow(self, prefixes: Prefixes, root: PathSearch, prover: Prover, *, complete: bool) -> str:
         """Cover what is left by paths that the solver finds; return why the rest stays undecided."""
         try:
             while self.open and (found := root.onward(self._meets, MOST_CHECKS)) is not None:
@@ -221,7 +221,7 @@ class _Solving:
         self._exclude(list(self.open), lambda need: prover.proof(need, until, WAYS_FOR_PROOF) or (tried,))
         return ""
 
-    def _extended(self, search: Search, wanted: Callable[[Node], bool]) -> Found | None:
+    def _extended(self, search: PathSearch, wanted: Callable[[Node], bool]) -> Found | None:
         try:
             return search.onward(wanted, EXTENSION_CHECKS)
         except BudgetSpent:

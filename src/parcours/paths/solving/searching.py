@@ -123,7 +123,7 @@ class Prefixes:
 #   t3   t4 <- solver     a node without a solution is cut off with everything below it
 #   |
 #   t5
-class Search:
+class PathSearch:
     """A best-first search from the end of one path; it can be continued."""
 
     def __init__(self, prefixes: Prefixes, targets: Targets, root: Ids, verified: Verified) -> None:
@@ -136,9 +136,9 @@ class Search:
         self._seen: set[object] = set()
         self.unverified: set[Ids] = set()
 
-    def beginning(self, root: Ids) -> Search:
+    def beginning(self, root: Ids) -> PathSearch:
         """Return another search, from the end of a path that runs."""
-        return Search(self._prefixes, self._targets, root, self._verified)
+        return PathSearch(self._prefixes, self._targets, root, self._verified)
 
     def onward(self, wanted: Callable[[Node], bool], effort: int) -> tuple[Ids, tuple[Inputs, ...]] | None:
         """Return the next path that comes to a wanted node, with inputs; None if there is none within the effort."""

@@ -15,7 +15,7 @@ from itertools import product
 from parcours.errors import BadModel
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary, evaluate, names
 from parcours.model.expression.syntax import COMPARISONS
-from parcours.paths.timing.network import Limit
+from parcours.paths.timing.network import TimeLimit
 
 Setting = tuple[int, Fraction]
 """The event that set a clock last, and to what [s]."""
@@ -49,7 +49,7 @@ class ClockConstraint:
     guards: int = 0
 
 
-Way = tuple[Limit, ...]
+Way = tuple[TimeLimit, ...]
 """Bounds that together make a condition hold."""
 
 
@@ -109,8 +109,8 @@ class _Reader:
         constant = number + offset - other_offset
         # The compared value is t(other) - t(since) + constant.
         strict = operator in ("<", ">", "!=")
-        below = Limit(since, other, -constant, strict, self.condition.why)
-        above = Limit(other, since, constant, strict, self.condition.why)
+        below = TimeLimit(since, other, -constant, strict, self.condition.why)
+        above = TimeLimit(other, since, constant, strict, self.condition.why)
         match operator:
             case "<" | "<=":
                 yield (below,)

@@ -17,9 +17,9 @@ from parcours.model.expression import Assignment, Expression, evaluate, names
 from parcours.model.structure import CLOCK, Cefsm, Component, Transition
 from parcours.paths.timing.clocks import ClockConstraint, NoBound, Setting, decimal
 from parcours.paths.timing.events import Place, TimedEvent
-from parcours.paths.timing.network import Limit
+from parcours.paths.timing.network import TimeLimit
 
-Facts = tuple[list[Limit], list[ClockConstraint]]
+Facts = tuple[list[TimeLimit], list[ClockConstraint]]
 """Bounds on the times of events, and conditions over clocks at them."""
 
 
@@ -75,16 +75,16 @@ class Clockwork:
         """
         transition, now, place = event.transition, event.number, event.place
         before = self._entered[place]
-        limits = [Limit(now, now - 1, Fraction(0), why=f"{event} comes after step {now - 1}")] if now > 1 else []
+        limits = [TimeLimit(now, now - 1, Fraction(0), why=f"{event} comes after step {now - 1}")] if now > 1 else []
         if transition.duration is not None:
             least, most = transition.duration
             if least == inf:
                 raise NoBound(f"{event} never ends")
-            limits.append(Limit(now, before, -decimal(least), why=f"{event} takes at least {least:g} s"))
+            limits.append(TimeLimit(now, before, -decimal(least), why=f"{event} takes at least {least:g} s"))
             if most < inf:
-                limits.append(Limit(before, now, decimal(most), why=f"{event} takes at most {most:g} s"))
+                limits.append(TimeLimit(before, now, decimal(most), why=f"{event} takes at most {most:g} s"))
         if event.meets:
-            limits.append(Limit(event.send, now, Fraction(0), why=f"{event} meets step {event.send}"))
+            limits.append(TimeLimit(event.send, now, Fraction(0), why=f"{event} meets step {event.send}"))
         conditions: list[ClockConstraint] = []
         clocks = self._clocks[event.instance, event.component]
         if transition.guard is not None and not names(transition.guard).isdisjoint(clocks):

@@ -14,7 +14,7 @@ from math import lcm
 
 
 @dataclass(frozen=True, slots=True)
-class Limit:
+class TimeLimit:
     """One bound: `later` comes at most `most` seconds after `earlier`, or less than that if it is strict.
 
     A negative `most` says that `later` comes before, by at least so much. `why` names what says so.
@@ -63,9 +63,9 @@ class Windows:
 #     (1) ------------> (2)          the shortest way 0 -> e is the latest time of e; minus the shortest way e -> 0 the
 #         <------------              earliest; a cycle of negative length is a contradiction, e.g. at most 1 and at
 #          at least 2: -2            least 2: 1 - 2 < 0
-def windows_of(n_events: int, limits: Sequence[Limit]) -> Windows | tuple[Limit, ...]:
+def windows_of(n_events: int, limits: Sequence[TimeLimit]) -> Windows | tuple[TimeLimit, ...]:
     """Return when each event can happen, or a cycle of bounds that cannot hold together."""
-    every = [*limits, *(Limit(event, 0, Fraction(0), why="time starts at 0 s") for event in range(1, n_events))]
+    every = [*limits, *(TimeLimit(event, 0, Fraction(0), why="time starts at 0 s") for event in range(1, n_events))]
     # One integer orders like the pair: seconds in units of `scale`, times `wide`, less one for each strict bound.
     scale, wide = lcm(*(limit.most.denominator for limit in every), 1), n_events + 2
     arcs = [
@@ -140,7 +140,7 @@ def _parts(length: int, wide: int, *, up: bool) -> tuple[int, int]:
     return whole, abs(whole * wide - length)
 
 
-def _early(lower: Sequence[int], limits: Sequence[Limit], scale: int, wide: int) -> tuple[Fraction, ...]:
+def _early(lower: Sequence[int], limits: Sequence[TimeLimit], scale: int, wide: int) -> tuple[Fraction, ...]:
     """Return the earliest times, moved a little where the earliest itself is excluded."""
     parts = [_parts(length, wide, up=False) for length in lower]
     at = [Fraction(whole, scale) for whole, _ in parts]

@@ -12,7 +12,7 @@ from parcours.model.structure import Cefsm
 from parcours.paths.timing.clocks import NoBound, Way, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts
 from parcours.paths.timing.events import events_of, places_of
-from parcours.paths.timing.network import Limit, TimeWindow, Windows, windows_of
+from parcours.paths.timing.network import TimeLimit, TimeWindow, Windows, windows_of
 from parcours.paths.timing.replaying import StepReplay
 
 EFFORT = 400
@@ -140,8 +140,8 @@ def _decided(
 
 
 def _first(
-    n_events: int, limits: list[Limit], choices: Sequence[Sequence[Way]], tried: int
-) -> tuple[Windows | tuple[Limit, ...], int]:
+    n_events: int, limits: list[TimeLimit], choices: Sequence[Sequence[Way]], tried: int
+) -> tuple[Windows | tuple[TimeLimit, ...], int]:
     """Return the windows of the first choice of ways that fits, or the last contradiction; and the effort."""
     result = windows_of(n_events, limits)
     tried += 1

@@ -18,7 +18,7 @@ from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, Component, Transition
 from parcours.paths.timing.clocks import ClockConstraint, NoBound, Way, decimal, ways
 from parcours.paths.timing.clockwork import settings_of
-from parcours.paths.timing.network import Limit
+from parcours.paths.timing.network import TimeLimit
 
 Zone = tuple[int, ...]
 """The matrix row by row; a bound of c units is 2 c + 1, or 2 c where it is strict."""
@@ -82,8 +82,8 @@ class Zones:
         if transition.duration is None:
             return [()]
         (least, most), clock = transition.duration, self._entered[machine]
-        way = [Limit(0, clock, -decimal(least))] if least < inf else []
-        return [(*way, Limit(clock, 0, decimal(most)))] if most < inf else [tuple(way)]
+        way = [TimeLimit(0, clock, -decimal(least))] if least < inf else []
+        return [(*way, TimeLimit(clock, 0, decimal(most)))] if most < inf else [tuple(way)]
 
     def _guarded(self, transition: Transition, known: Mapping[str, object]) -> Iterable[list[Way]]:
         for part in _conjuncts(transition.guard) if transition.guard is not None else ():

@@ -20,7 +20,7 @@ _TOKEN = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Token:
+class ConditionToken:
     """A word, quoted text, number or sign, and the column where it begins, from 1."""
 
     kind: str
@@ -36,13 +36,15 @@ class TokenReader:
         if len(text) > MAX_TEXT:
             rule = f"must have at most {MAX_TEXT} characters, but has {len(text)}"
             raise BadRequest(where, rule, "shorten it", slug="walk-syntax")
-        self._tokens: list[Token] = []
+        self._tokens: list[ConditionToken] = []
         for match in _TOKEN.finditer(text.rstrip()):
-            self._tokens += [Token(k, v, match.start(k) + 1) for k, v in match.groupdict().items() if v is not None]
+            self._tokens += [
+                ConditionToken(k, v, match.start(k) + 1) for k, v in match.groupdict().items() if v is not None
+            ]
         self._at = 0
 
     @property
-    def here(self) -> Token | None:
+    def here(self) -> ConditionToken | None:
         """The token to read next, or None at the end."""
         return self._tokens[self._at] if self._at < len(self._tokens) else None
 

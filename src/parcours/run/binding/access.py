@@ -10,7 +10,7 @@ from typing import cast
 
 from parcours.errors import BadModel, HostFailure, one_of
 from parcours.model.expression import REAL, Type
-from parcours.run.binding.message_types import TIMES, MessageTypes, Slot, limits
+from parcours.run.binding.message_types import TIMES, FieldType, MessageTypes, limits
 from parcours.run.binding.places import EVERY, MAX_ITEMS, Place, Step, path_text
 
 _QUATERNION = ("x", "y", "z", "w")
@@ -22,7 +22,7 @@ class Access:
 
     place: Place
     message: str
-    slot: Slot
+    slot: FieldType
     type: Type
     types: MessageTypes
 
@@ -50,7 +50,7 @@ class Access:
         Raises:
             HostFailure: the value is not of the place's type, or out of its range.
         """
-        self._write(message, Slot(self.message), self.place.steps, value, index)
+        self._write(message, FieldType(self.message), self.place.steps, value, index)
 
     def _read(self, current: object, first: int) -> object:
         steps = self.place.steps
@@ -85,7 +85,7 @@ class Access:
         seconds, nanoseconds = _time_names(value)
         return float(getattr(value, seconds)) + 1e-9 * float(getattr(value, nanoseconds))
 
-    def _write(self, current: object, slot: Slot, steps: tuple[Step, ...], value: object, index: int) -> object:
+    def _write(self, current: object, slot: FieldType, steps: tuple[Step, ...], value: object, index: int) -> object:
         if not steps:
             return self._stored(current, slot, value)
         step, rest = steps[0], steps[1:]
@@ -100,16 +100,16 @@ class Access:
             items.append(self._new(slot.item))
         if not -len(items) <= at < len(items):
             raise self._refused(f"{slot} has no item {at}")
-        items[at] = self._write(items[at], Slot(slot.item), rest, value, index)
+        items[at] = self._write(items[at], FieldType(slot.item), rest, value, index)
         return items
 
     def _new(self, item: str) -> object:
-        slot = Slot(item)
+        slot = FieldType(item)
         if slot.is_message:
             return self.types.create(item)
         return {"bool": False, "real": 0.0, "text": ""}.get(slot.type.name, 0)
 
-    def _stored(self, current: object, slot: Slot, value: object) -> object:
+    def _stored(self, current: object, slot: FieldType, value: object) -> object:
         if self.place.lens:
             return self._through_lens(current, value)
         if slot.length is None and slot.is_message and isinstance(value, self.types.class_of(slot.item) or ()):
@@ -118,9 +118,9 @@ class Access:
             return self._scalar(slot, value)
         if not isinstance(value, list | tuple) or (slot.length and len(value) != slot.length):
             raise self._refused(f"{slot} takes a list{f' of {slot.length}' if slot.length else ''}, not {value!r:.60}")
-        return [self._scalar(Slot(slot.item), item) for item in value]
+        return [self._scalar(FieldType(slot.item), item) for item in value]
 
-    def _scalar(self, slot: Slot, value: object) -> object:
+    def _scalar(self, slot: FieldType, value: object) -> object:
         kind, bounds = slot.type.name, limits(slot.item)
         if bounds is not None and isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -177,7 +177,7 @@ def compile_place(place: Place, message: str, types: MessageTypes, where: str) -
     parcours.errors.BadModel: here: a place must exist, but std_msgs/Bool has no 'date' in 'date'; did you mean \
 'data'? Known: data [binding-field]
     """
-    slot, rank = Slot(message), 0
+    slot, rank = FieldType(message), 0
     for at, step in enumerate(place.steps):
         so_far = path_text(place.steps[: at + 1])
         if isinstance(step, str) and step != EVERY:
@@ -199,11 +199,11 @@ def compile_place(place: Place, message: str, types: MessageTypes, where: str) -
             rule = f"an index must lie in its list, but {so_far!r} does not: it is {slot}"
             raise BadModel(where, rule, slug="binding-field")
         rank += step == EVERY
-        slot = Slot(slot.item)
+        slot = FieldType(slot.item)
     return Access(place, message, slot, _seen_type(place, slot, rank, where), types)
 
 
-def _seen_type(place: Place, slot: Slot, rank: int, where: str) -> Type:
+def _seen_type(place: Place, slot: FieldType, rank: int, where: str) -> Type:
     if not place.lens:
         return Type(slot.type.name, rank=slot.type.rank + rank)
     fits = slot.item in TIMES if place.lens == "seconds" else slot.item.endswith("/Quaternion")

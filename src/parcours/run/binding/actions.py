@@ -43,7 +43,7 @@ def on_the_wire(action: str, type_: str, part: str) -> tuple[str, str, Part]:
     return f"{action}/_action/{end}", kind.format(type_), wire
 
 
-class Goals:
+class ActionGoals:
     """Which goal each process speaks of: in an abstract case feedback and cancellations change hands."""
 
     def __init__(self) -> None:

@@ -17,7 +17,7 @@ from parcours.model.structure import Cefsm, Component
 from parcours.run.binding.checking import findings as findings_of
 from parcours.run.binding.quantities import Table, plain
 from parcours.run.binding.schema import PartReader
-from parcours.run.binding.structure import Binding, Process, Role
+from parcours.run.binding.structure import Binding, NodeProcess, Role
 
 T = TypeVar("T")
 
@@ -129,7 +129,7 @@ class _BindingReader(PartReader):
 
     def unmodelled(self, said: dict[str, Any]) -> None:
         """Let the nodes of a navigation stack stand for components of their own names."""
-        nodes: tuple[Process, ...] = said["nodes"]
+        nodes: tuple[NodeProcess, ...] = said["nodes"]
         if said["model"] is None:
             said["nodes"] = nodes = tuple(replace(one, components=(one.name,)) for one in nodes)
             said["model"] = Cefsm(said["name"], tuple(Component(one.name, ()) for one in nodes))

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from parcours.model.finding import Finding, advice
-from parcours.run.binding.formulas import Formula
+from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
-from parcours.run.binding.structure import Binding, Bound, BoundChannel
+from parcours.run.binding.structure import Binding, BoundChannel, BoundEntry
 from parcours.run.binding.worlds import ASKED, EACH_NAMES, STACK_NAMES, WAY_NAMES, WORLD_NAMES
 
 _ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
@@ -152,7 +152,7 @@ class _Check:
                 rule = f"a place that is set has one [*] at most, but {place} has {place.steps.count('*')}"
                 self.add(formula.line, "binding-place", rule)
 
-    def spoken(self, formula: Formula, known: Sequence[str], what: str, channel: BoundChannel) -> None:
+    def spoken(self, formula: PlacedFormula, known: Sequence[str], what: str, channel: BoundChannel) -> None:
         for place in formula.places:
             if channel.part == "response" and place.steps[0] in ASKED:
                 continue
@@ -207,7 +207,7 @@ class _Check:
                 said = f"{rule}, but {channel.name!r} goes from {ends[0]} to {ends[1]}"
                 self.add(channel.line, "binding-action-part", said, f"line {goal.line} binds its goal")
 
-    def prefixed(self, formula: Formula, what: str) -> None:
+    def prefixed(self, formula: PlacedFormula, what: str) -> None:
         """Places outside a channel's own section name their channel first."""
         constants = {name for name, _ in self.binding.constants}
         for place in formula.places:
@@ -226,7 +226,7 @@ class _Check:
             elif not _ITP.fullmatch(bound.name):
                 self.known(bound.name, interactions, "an interaction of the model", bound.line)
 
-    def chain(self, bound: Bound) -> None:
+    def chain(self, bound: BoundEntry) -> None:
         """Who receives one message of a chain is who sends the next."""
         for before, after in itertools.pairwise(bound.channels if bound.through else ()):
             receiver, sender = self.binding.ends(before)[1], self.binding.ends(after)[0]

@@ -16,11 +16,11 @@ from parcours.model.nodes import shown
 from parcours.model.structure import BASE_TYPES
 from parcours.run.binding.access import Access, compile_place
 from parcours.run.binding.binding_file import refusal
-from parcours.run.binding.formulas import Formula
+from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.places import EVERY, Place, path_text
 from parcours.run.binding.quantities import plain
-from parcours.run.binding.readings import Reading, Writer, message_type
+from parcours.run.binding.readings import MessageWriter, Reading, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
 from parcours.run.binding.worlds import ASKED, LISTS
 
@@ -43,10 +43,10 @@ class Compiled:
     binding: Binding
     types: MessageTypes
     fields: Mapping[str, Mapping[str, Reading]]
-    writers: Mapping[str, Writer]
+    writers: Mapping[str, MessageWriter]
     command: tuple[Reading, Reading] | None = None
     alarm: Reading | None = None
-    calls: Mapping[tuple[str, int], Writer] = field(default_factory=dict)
+    calls: Mapping[tuple[str, int], MessageWriter] = field(default_factory=dict)
 
 
 def compile_binding(binding: Binding, types: MessageTypes) -> Compiled:
@@ -132,7 +132,7 @@ class _Work:
                 readings[name] = reading
         return readings
 
-    def prefixed(self, formula: Formula, where: str, wanted: Type) -> Reading | None:
+    def prefixed(self, formula: PlacedFormula, where: str, wanted: Type) -> Reading | None:
         """Return the reading of a formula whose places start with the name of a channel."""
         if any(str(place.steps[0]) in self.unknown for place in formula.places):
             return None
@@ -144,7 +144,7 @@ class _Work:
         return self.reading(formula, owners, where, wanted)
 
     def reading(
-        self, formula: Formula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str, wanted: Type
+        self, formula: PlacedFormula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str, wanted: Type
     ) -> Reading | None:
         """Return the reading of a formula, given the channel of each place and the place in its message."""
         try:
@@ -161,7 +161,7 @@ class _Work:
         self.add(formula.line, "binding-field-type", rule, "correct the place, or the model")
         return None
 
-    def tried(self, formula: Formula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str) -> Reading:
+    def tried(self, formula: PlacedFormula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str) -> Reading:
         types: dict[Place, Type] = {}
         sources: list[tuple[Place, str, Access]] = []
         constants: dict[Place, Constant] = {}
@@ -180,10 +180,10 @@ class _Work:
         given = types[formula.places[0]] if formula.place else formula.type(types, where)
         return Reading(formula, given, tuple(sources), constants, where)
 
-    def writer(self, injection: Injection | None, type_: str, where: str, request: str = "") -> Writer:
+    def writer(self, injection: Injection | None, type_: str, where: str, request: str = "") -> MessageWriter:
         """Return what makes the tester's messages of a known type; a response may speak of its request."""
         if injection is None:
-            return Writer(type_, self.types, where)
+            return MessageWriter(type_, self.types, where)
         asked, each = self.asked(injection, request, where) if request else ({}, None)
         base: list[tuple[Access, object]] = []
         trial = self.types.create(type_)
@@ -205,7 +205,7 @@ class _Work:
         fit = tuple(
             (access, formula) for access, formula in pairs if access and self.fits(access, formula, where, seen)
         )
-        return Writer(type_, self.types, where, tuple(base), fit, tuple(asked.items()), each)
+        return MessageWriter(type_, self.types, where, tuple(base), fit, tuple(asked.items()), each)
 
     def asked(self, injection: Injection, request: str, where: str) -> tuple[dict[str, Access], Access | None]:
         """Return where in a request the names lie that speak of it, and the list that is counted."""
@@ -233,7 +233,7 @@ class _Work:
             self.add(line, error.slug, error.rule, error.remedy)
             return None
 
-    def fits(self, access: Access, formula: Formula, where: str, seen: Mapping[str, Type]) -> bool:
+    def fits(self, access: Access, formula: PlacedFormula, where: str, seen: Mapping[str, Type]) -> bool:
         """Whether the value of a formula over constants, numbers and what is seen can be put at a place."""
         known, place = self.constants, access.place
         types = {

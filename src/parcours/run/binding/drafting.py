@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from parcours.model.structure import ENVIRONMENT
 from parcours.run.binding.actions import WIRE
-from parcours.run.binding.graph import Graph
+from parcours.run.binding.graph import RegisteredGraph
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.structure import Transport
 
@@ -33,7 +33,7 @@ _KINDS = {"int": "int", "real": "real", "bool": "bool"}
 
 
 @dataclass(frozen=True, slots=True)
-class Draft:
+class BindingDraft:
     """The texts of two files, and what was left out of them, one sentence each."""
 
     model: str
@@ -54,8 +54,8 @@ class _Channel:
     """What places start with: the field of an action's message that is its own."""
 
 
-def draft(graph: Graph, types: MessageTypes, transport: Transport, name: str, master: str = "",
-          interfaces: Sequence[str] = ()) -> Draft:  # fmt: skip
+def draft(graph: RegisteredGraph, types: MessageTypes, transport: Transport, name: str, master: str = "",
+          interfaces: Sequence[str] = ()) -> BindingDraft:  # fmt: skip
     """Return a first binding of what runs, and a model that allows it everything.
 
     Args:
@@ -72,7 +72,7 @@ def draft(graph: Graph, types: MessageTypes, transport: Transport, name: str, ma
 
 
 class _Drafting:
-    def __init__(self, graph: Graph, types: MessageTypes) -> None:
+    def __init__(self, graph: RegisteredGraph, types: MessageTypes) -> None:
         self.graph, self.types = graph, types
         self.notes: list[str] = []
         self.channels: list[_Channel] = []
@@ -85,7 +85,7 @@ class _Drafting:
         seen = {node for table in tables for nodes in table.values() for node in nodes}
         self.components = _components(node for node in seen if not node.rpartition("/")[2].startswith("_"))
 
-    def draft(self, transport: Transport, name: str, heads: Sequence[str]) -> Draft:
+    def draft(self, transport: Transport, name: str, heads: Sequence[str]) -> BindingDraft:
         for topic in sorted({*self.publishers, *self.subscribers}):
             if _ACTION not in topic:
                 self.topic(topic)
@@ -98,7 +98,7 @@ class _Drafting:
             self.notes.append(f"two nodes are called {node}: end one of them, or give it a name of its own")
         used = {end for channel in self.channels for end in (channel.sender, channel.receiver)}
         self.components = {node: said for node, said in self.components.items() if said in used}
-        return Draft(self.model(name), self.binding(transport, name, heads), tuple(self.notes))
+        return BindingDraft(self.model(name), self.binding(transport, name, heads), tuple(self.notes))
 
     # What there is.
 

@@ -27,7 +27,7 @@ _MARK = re.compile(r"\b_([0-9]+)\b")
 
 
 @dataclass(frozen=True, slots=True)
-class Formula:
+class PlacedFormula:
     """An expression whose names `_0`, `_1`, ... stand for `places`, in this order."""
 
     text: str
@@ -78,7 +78,7 @@ class Formula:
         return BadModel(error.where, _readable(error.rule, self.places), error.remedy, slug=error.slug)
 
 
-def parse_formula(text: str, where: str = "formula", line: int = 0) -> Formula:
+def parse_formula(text: str, where: str = "formula", line: int = 0) -> PlacedFormula:
     """Return the formula that a text writes.
 
     Args:
@@ -124,7 +124,7 @@ def parse_formula(text: str, where: str = "formula", line: int = 0) -> Formula:
         expression = parse_expression(replaced, where)
     except BadModel as error:
         raise BadModel(error.where, _readable(error.rule, found), error.remedy, slug=error.slug) from None
-    return Formula(text.strip(), expression, found, line)
+    return PlacedFormula(text.strip(), expression, found, line)
 
 
 def _readable(rule: str, places: tuple[Place, ...]) -> str:

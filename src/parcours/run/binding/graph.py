@@ -73,7 +73,7 @@ def _time(value: int | None, what: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Graph:
+class RegisteredGraph:
     """What is registered: who publishes, subscribes and serves what, without the tester's own registrations.
 
     Args:
@@ -95,7 +95,7 @@ class Graph:
     twice: Collection[str] = ()
 
 
-def graph_findings(binding: Binding, graph: Graph, plan: SlotPlan | None = None) -> list[Finding]:
+def graph_findings(binding: Binding, graph: RegisteredGraph, plan: SlotPlan | None = None) -> list[Finding]:
     """Return which bound topics and services a running system does not have, or has otherwise.
 
     That nobody calls a service is not looked at: on ROS 1 clients do not register.
@@ -132,7 +132,7 @@ def _finding(binding: Binding, channel: BoundChannel, slug: str, rule: str, reme
     return Finding(binding.source, channel.line, "error", slug, rule, remedy)
 
 
-def _named(binding: Binding, line: int, node: str, graph: Graph) -> list[Finding]:
+def _named(binding: Binding, line: int, node: str, graph: RegisteredGraph) -> list[Finding]:
     if not node or node not in graph.twice:
         return []
     rule = f"a node's name must be its own, but two nodes on the graph are called {node}"
@@ -141,7 +141,7 @@ def _named(binding: Binding, line: int, node: str, graph: Graph) -> list[Finding
     ]
 
 
-def _unlike(binding: Binding, graph: Graph, plan: SlotPlan) -> list[Finding]:
+def _unlike(binding: Binding, graph: RegisteredGraph, plan: SlotPlan) -> list[Finding]:
     """Return which relayed channels would not connect without the tester: it speaks in the quality of the sender."""
     found = []
     for channel in binding.channels:
@@ -159,7 +159,7 @@ def _unlike(binding: Binding, graph: Graph, plan: SlotPlan) -> list[Finding]:
     return found
 
 
-def _need(binding: Binding, spoke: Spoke, graph: Graph) -> tuple[Mapping[str, Collection[str]], str] | None:
+def _need(binding: Binding, spoke: Spoke, graph: RegisteredGraph) -> tuple[Mapping[str, Collection[str]], str] | None:
     if spoke.is_service:
         return (graph.servers, "serves") if spoke.side == "into" and spoke.channels[0] else None
     if spoke.side == "out":

@@ -42,7 +42,7 @@ _TIME_SLOTS = {"secs": "int32", "nsecs": "int32"}
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class FieldType:
     """The type of a field: that of one item, and how many: 1 for no list (`length` None), else fixed, or 0 for any."""
 
     item: str
@@ -66,7 +66,7 @@ class Slot:
         return self.item if self.length is None else f"{self.item}[{self.length or ''}]"
 
 
-def slot_of(text: str) -> Slot:
+def slot_of(text: str) -> FieldType:
     """Return the type that a message class gives as a text, in the words of either generation.
 
     >>> slot_of("float64[9]"), slot_of("sequence<geometry_msgs/Point>"), slot_of("string<10>")
@@ -74,10 +74,10 @@ def slot_of(text: str) -> Slot:
     """
     match = _SLOT.fullmatch(text)
     if match is None:
-        return Slot(text)
+        return FieldType(text)
     if match["item"]:
-        return Slot(slot_of(match["item"]).item, 0)
-    return Slot(match["name"], int(match["length"] or 0) if match["array"] else None)
+        return FieldType(slot_of(match["item"]).item, 0)
+    return FieldType(match["name"], int(match["length"] or 0) if match["array"] else None)
 
 
 def limits(item: str) -> tuple[int, int] | None:
@@ -117,7 +117,7 @@ class MessageTypes:
                  unpack: Callable[[type, bytes], object] = ros1_message) -> None:  # fmt: skip
         self._find, self._pack, self._unpack = find, pack, unpack
         self._classes: dict[str, type] = {}
-        self._fields: dict[str, Mapping[str, Slot]] = {}
+        self._fields: dict[str, Mapping[str, FieldType]] = {}
 
     def class_of(self, name: str) -> type | None:
         """Return the class of a type, or None."""
@@ -128,7 +128,7 @@ class MessageTypes:
             self._classes[name] = found
         return self._classes[name]
 
-    def fields(self, name: str) -> Mapping[str, Slot] | None:
+    def fields(self, name: str) -> Mapping[str, FieldType] | None:
         """Return the fields of a message type in order, or None if the type is not known."""
         if name not in self._fields:
             kind = self.class_of(name)

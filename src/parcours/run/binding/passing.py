@@ -40,7 +40,7 @@ class Ends(Protocol):
 
 
 @dataclass(eq=False, slots=True)
-class Call:
+class ServiceCall:
     """A call of a service, from the request to the response. Without `reply`, the tester itself asks."""
 
     service: str
@@ -51,7 +51,7 @@ class Call:
 
 
 @dataclass(eq=False, slots=True)
-class Message:
+class RawMessage:
     """A message of which the tester has the bytes. `slot` is who sent it; empty for the tester."""
 
     number: int
@@ -60,4 +60,4 @@ class Message:
     sender: str
     data: bytes
     time: int
-    call: Call | None = None
+    call: ServiceCall | None = None

@@ -9,7 +9,7 @@ from typing import cast
 from parcours.errors import HostFailure
 from parcours.model.expression import Type
 from parcours.run.binding.access import Access
-from parcours.run.binding.formulas import Formula
+from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.places import Place
 from parcours.run.binding.structure import BoundChannel, Constant
@@ -22,7 +22,7 @@ class Reading:
     `sources` say where the value of each place comes from: (place, channel, access in a message of that channel).
     """
 
-    formula: Formula
+    formula: PlacedFormula
     type: Type
     sources: tuple[tuple[Place, str, Access], ...]
     constants: Mapping[Place, Constant]
@@ -50,7 +50,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Writer:
+class MessageWriter:
     """Makes messages of one type: all 0 or empty, but for some places with values, then some set to formulas.
 
     Of a response `asked` are the names that speak of its request, with where they are in it; `each` is the list whose
@@ -61,7 +61,7 @@ class Writer:
     types: MessageTypes
     where: str
     base: tuple[tuple[Access, object], ...] = ()
-    set: tuple[tuple[Access, Formula], ...] = ()
+    set: tuple[tuple[Access, PlacedFormula], ...] = ()
     asked: tuple[tuple[str, Access], ...] = ()
     each: Access | None = None
 
@@ -100,7 +100,7 @@ class Writer:
             for k in range(n)
         ]
 
-    def _value(self, formula: Formula, values: Mapping[str, object], more: Mapping[str, object]) -> object:
+    def _value(self, formula: PlacedFormula, values: Mapping[str, object], more: Mapping[str, object]) -> object:
         found: dict[Place, object] = {}
         for place in formula.places:
             name = str(place)

@@ -14,9 +14,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.actions import Goals
-from parcours.run.binding.passing import MADE, Call, Ends, Message
-from parcours.run.binding.slots import Slot, SlotPlan, Spoke
+from parcours.run.binding.actions import ActionGoals
+from parcours.run.binding.passing import MADE, Ends, RawMessage, ServiceCall
+from parcours.run.binding.slots import ProcessSlot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.corruption import corrupted_bytes
@@ -24,7 +24,7 @@ from parcours.run.faults.effects import UNTOUCHED, Agenda, Effects
 from parcours.run.recording import Raw
 from parcours.run.trace import Kind, TraceEvent
 
-Hook = Callable[[Message], None]
+Hook = Callable[[RawMessage], None]
 
 
 class Relay:
@@ -57,19 +57,19 @@ class Relay:
         self.events: list[TraceEvent] = []
         self.case_began = -1
         """From when on faults count [ns since the run began]; -1: not yet."""
-        self.calls: list[Call] = []
+        self.calls: list[ServiceCall] = []
         """Calls of nodes that wait for their response."""
         self._numbers = itertools.count()
         self._count: Counter[str] = Counter()
         self.agenda = Agenda(now)
         """What is to be done later, by the time since the run began."""
         self._ends_of = {one.name: (one.sender, one.receiver) for one in binding.model.channels}
-        self._slots: Mapping[str, Slot] = {slot.name: slot for slot in slot_plan.slots}
+        self._slots: Mapping[str, ProcessSlot] = {slot.name: slot for slot in slot_plan.slots}
         self._into = {one.name: slot_plan.speaking(one.name) for one in binding.channels}
         self._timeouts = {one.name: round(one.timeout * 1e9) for one in binding.channels}
         self._raw: dict[int, Raw] = {}
         self._closed = False
-        self._goals = Goals()
+        self._goals = ActionGoals()
         self._is_apart = any(slot.reference is not None for slot in slot_plan.slots)
         self._actions = {one.name: one.action for one in binding.channels}
 
@@ -91,7 +91,7 @@ class Relay:
         if self._closed:
             reply(None)
             return
-        call = Call(spoke.address, spoke.slot, reply, request=data)
+        call = ServiceCall(spoke.address, spoke.slot, reply, request=data)
         if self._actions.get(spoke.channels[0]) == "goal":
             self._goals.note(spoke.slot, data)
         self.calls.append(call)
@@ -100,11 +100,11 @@ class Relay:
         elif self._is_apart and self.binding.channel(spoke.channels[1]).action:
             return  # the result comes at its turn; the tester has asked the server itself
         else:  # only the responses are bound
-            self._ask(Message(-1, "", spoke.slot, "", data, self._now(), call), spoke.channels[1])
+            self._ask(RawMessage(-1, "", spoke.slot, "", data, self._now(), call), spoke.channels[1])
 
     # What goes on to them.
 
-    def release(self, message: Message, slot: str | None = None) -> None:
+    def release(self, message: RawMessage, slot: str | None = None) -> None:
         """Let a message go on by its effect, to all its receivers, or to one slot."""
         k, began, effect = self._count[message.channel], self.case_began, UNTOUCHED
         self._count[message.channel] += 1
@@ -120,7 +120,7 @@ class Relay:
             data = corrupted_bytes(data, effect.corrupt, effect.how)
         self.agenda.pass_on(message.channel, effect, lambda: self._deliver(message, slot, data))
 
-    def _deliver(self, message: Message, slot: str | None, data: bytes) -> None:
+    def _deliver(self, message: RawMessage, slot: str | None, data: bytes) -> None:
         part = self.binding.channel(message.channel).part
         if part == "request":
             self._ask(message, "", slot, data)
@@ -129,7 +129,7 @@ class Relay:
         else:
             self._say(message, slot, data)
 
-    def _say(self, message: Message, slot: str | None, data: bytes) -> None:
+    def _say(self, message: RawMessage, slot: str | None, data: bytes) -> None:
         spokes = [one for one in self._into[message.channel] if slot is None or one.slot in (slot, "")]
         if not spokes:
             self.record("receive", ENVIRONMENT, message)
@@ -142,13 +142,13 @@ class Relay:
             else:
                 self.record("receive", who, message, data=data)
 
-    def _ask(self, message: Message, response: str, slot: str | None = None, data: bytes | None = None) -> None:
+    def _ask(self, message: RawMessage, response: str, slot: str | None = None, data: bytes | None = None) -> None:
         channel = message.channel or response
         spokes = [one for one in self._into[channel] if slot is None or one.slot == slot]
         if not spokes:
             self.unserved(message)
             return
-        spoke, call = spokes[0], message.call or Call(self.binding.channel(channel).address, "", None)
+        spoke, call = spokes[0], message.call or ServiceCall(self.binding.channel(channel).address, "", None)
         message.call = call
         if message.channel:
             self.record("receive", self._name(message.channel, spoke.slot, 1), message, data=data)
@@ -161,7 +161,7 @@ class Relay:
         def answered(answer: bytes | None, why: str) -> None:
             if call.is_over:
                 return
-            if is_goal and call.reply is None and answer and Goals.is_accepted(answer):
+            if is_goal and call.reply is None and answer and ActionGoals.is_accepted(answer):
                 self._ask_result(message.channel, spoke.slot, given)
             if answer is None:
                 self.fail(message, f"the call failed: {why}")
@@ -178,7 +178,7 @@ class Relay:
         self._ends.ask(spoke, given, answered)
         self.agenda.at(self._now() + self._timeouts[channel], expire)
 
-    def _fitted(self, message: Message, spoke: Spoke, data: bytes) -> bytes:
+    def _fitted(self, message: RawMessage, spoke: Spoke, data: bytes) -> bytes:
         """Return the data as if it spoke of the goal that is known where it goes."""
         if self._actions.get(message.channel) not in ("feedback", "cancel") or not (self._is_apart or not message.slot):
             return data
@@ -189,29 +189,29 @@ class Relay:
         address = self.binding.channel(goal).address.rpartition("/")[0]
         for one in self.binding.channels:
             if one.action == "result" and one.address.rpartition("/")[0] == address:
-                call = Call(one.address, "", None)
-                self._ask(Message(-1, "", "", "", Goals.asking(data), self._now(), call), one.name, slot)
+                call = ServiceCall(one.address, "", None)
+                self._ask(RawMessage(-1, "", "", "", ActionGoals.asking(data), self._now(), call), one.name, slot)
 
-    def _reply(self, message: Message, data: bytes) -> None:
+    def _reply(self, message: RawMessage, data: bytes) -> None:
         call = message.call
         if call is None or call.is_over:
             return
         self.record("receive", self._name(message.channel, call.client, 1), message, data=data)
         self.finish(call, data)
 
-    def answer(self, call: Call, message: Message) -> None:
+    def answer(self, call: ServiceCall, message: RawMessage) -> None:
         """Let a message be the response to a call."""
         message.call = call
         self.release(message)
 
-    def fail(self, message: Message, why: str) -> None:
+    def fail(self, message: RawMessage, why: str) -> None:
         """Lose a message; the call that it belongs to fails."""
         if message.channel:
             self.record("drop", message.sender, message, why)
         if message.call is not None:
             self.finish(message.call, None)
 
-    def finish(self, call: Call, data: bytes | None) -> None:
+    def finish(self, call: ServiceCall, data: bytes | None) -> None:
         """Answer a call, if it still waits; None: it fails."""
         if call.is_over:
             return
@@ -221,20 +221,20 @@ class Relay:
         if call.reply is not None:
             call.reply(data)
 
-    def settle(self, message: Message) -> None:
+    def settle(self, message: RawMessage) -> None:
         """A response to the tester's own question has come: nobody else waits for it."""
         if message.call is not None and message.call.reply is None:
             message.call.is_over = True
 
-    def collect(self, message: Message) -> None:
+    def collect(self, message: RawMessage) -> None:
         """Note that the tester itself takes a message up."""
         self.record("receive", ENVIRONMENT, message)
 
-    def made(self, channel: str, data: bytes) -> Message:
+    def made(self, channel: str, data: bytes) -> RawMessage:
         """Return a message of the tester's own, noted as sent; it goes nowhere yet."""
         return self._message(channel, "", data)
 
-    def inject(self, channel: str, data: bytes, slot: str | None = None) -> Message:
+    def inject(self, channel: str, data: bytes, slot: str | None = None) -> RawMessage:
         """Send a message of the tester's own to all who hear the channel, or to one slot."""
         message = self.made(channel, data)
         self.release(message, slot)
@@ -246,7 +246,7 @@ class Relay:
         """Write a remark into the trace."""
         self._tell(TraceEvent(self._now() if time is None else time, "note", component, text=text))
 
-    def record(self, kind: Kind, component: str, message: Message, text: str = "", *, transition: str = "",
+    def record(self, kind: Kind, component: str, message: RawMessage, text: str = "", *, transition: str = "",
                data: bytes | None = None) -> None:  # fmt: skip
         """Write what happened to a message into the trace."""
         payload = self._payload(message)
@@ -270,12 +270,12 @@ class Relay:
             self.finish(call, None)
         self.agenda.clear()
 
-    def _message(self, channel: str, slot: str, data: bytes, call: Call | None = None) -> Message:
-        message = Message(next(self._numbers), channel, slot, self._name(channel, slot, 0), data, self._now(), call)
+    def _message(self, channel: str, slot: str, data: bytes, call: ServiceCall | None = None) -> RawMessage:
+        message = RawMessage(next(self._numbers), channel, slot, self._name(channel, slot, 0), data, self._now(), call)
         self.record("send", message.sender, message, "" if slot else MADE)
         return message
 
-    def _payload(self, message: Message) -> Raw:
+    def _payload(self, message: RawMessage) -> Raw:
         if message.number not in self._raw:
             if len(self._raw) > 4096:
                 self._raw.clear()

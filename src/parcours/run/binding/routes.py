@@ -14,7 +14,7 @@ from typing import Literal
 
 from parcours.model.finding import Finding
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.structure import Binding, BoundChannel, Part, Process, Transport
+from parcours.run.binding.structure import Binding, BoundChannel, NodeProcess, Part, Transport
 
 Access = Literal["relay", "observe", "inject", "collect"]
 """relay: between two nodes, by way of the tester. observe: between nodes, overheard. inject: from the tester to a node.
@@ -24,7 +24,7 @@ OUT, INTO = "/parcours/out", "/parcours/in"
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class BindingRoute:
     """How messages of one channel pass: the tester hears them at `out` and says them at `into`.
 
     Of a service, the tester serves requests at `out` and calls `into`; the response goes the same way back. `sender`
@@ -41,7 +41,7 @@ class Route:
     into: str
 
 
-def routes(binding: Binding, absent: Collection[str] = ()) -> tuple[Route, ...]:
+def routes(binding: Binding, absent: Collection[str] = ()) -> tuple[BindingRoute, ...]:
     """Return one route for each bound channel, in the order of the binding.
 
     Args:
@@ -83,7 +83,7 @@ class _Routing:
         self.shared = self.with_several_receivers()
         self.routes = tuple(self.route(channel) for channel in binding.channels)
 
-    def nodes(self, channel: BoundChannel) -> tuple[Process | None, Process | None]:
+    def nodes(self, channel: BoundChannel) -> tuple[NodeProcess | None, NodeProcess | None]:
         if channel.role == "between":
             sender, receiver = channel.ends
             return self.named.get(sender), self.named.get(receiver)
@@ -102,7 +102,7 @@ class _Routing:
             return "observe"
         return "collect" if receiver is None else "relay"
 
-    def route(self, channel: BoundChannel) -> Route:
+    def route(self, channel: BoundChannel) -> BindingRoute:
         access = self.access(channel)
         sender, receiver = self.nodes(channel)
         # A service has one pair of names for both halves: its client is moved, its server keeps the address.
@@ -114,12 +114,12 @@ class _Routing:
         else:
             out, into = ("" if client is None else out), ("" if server is None else into)
         ends = (sender.name if sender else "", receiver.name if receiver else "")
-        return Route(channel.name, channel.part, channel.type, access, *ends, out, into)
+        return BindingRoute(channel.name, channel.part, channel.type, access, *ends, out, into)
 
-    def moved_out(self, node: Process | None, channel: BoundChannel) -> str:
+    def moved_out(self, node: NodeProcess | None, channel: BoundChannel) -> str:
         return f"{OUT}/{node.name}{channel.address}" if node is not None and node.remap else channel.address
 
-    def moved_in(self, node: Process | None, channel: BoundChannel) -> str:
+    def moved_in(self, node: NodeProcess | None, channel: BoundChannel) -> str:
         return f"{INTO}/{node.name}{channel.address}" if node is not None and node.remap else channel.address
 
     def is_parted(self, channel: BoundChannel) -> bool:

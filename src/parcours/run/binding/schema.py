@@ -14,7 +14,7 @@ from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.nodes import brief, shown
 from parcours.run.binding import structure as parts
 from parcours.run.binding.actions import WIRE, on_the_wire
-from parcours.run.binding.formulas import Formula, parse_formula
+from parcours.run.binding.formulas import PlacedFormula, parse_formula
 from parcours.run.binding.places import Place, parse_place
 from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
 from parcours.run.binding.standard import ACTIONS, COMMANDS, standard_channels
@@ -50,7 +50,7 @@ class PartReader(QuantityReader):
 
     # Values.
 
-    def formula(self, node: Node, what: str) -> Formula:
+    def formula(self, node: Node, what: str) -> PlacedFormula:
         """Return a formula over places."""
         return self.parsed(node, what, lambda text, where: parse_formula(text, where, node.line), NOTHING)
 
@@ -99,7 +99,7 @@ class PartReader(QuantityReader):
 
     # Sections.
 
-    def process(self, name: str, node: Node, line: int) -> parts.Process:
+    def process(self, name: str, node: Node, line: int) -> parts.NodeProcess:
         """Return an entry of `nodes`."""
         what = f"node {name!r}"
         table: Table = {
@@ -130,13 +130,13 @@ class PartReader(QuantityReader):
             self.add(node, "binding-start", rule, remedy)
         if said["remap"] is None:
             said["remap"] = not running
-        ready = said["ready"] or (parts.Ready("bound", line=line),)
+        ready = said["ready"] or (parts.ReadyWhen("bound", line=line),)
         if life:
-            ready = (parts.Ready("life", said["ros_node"], life, line=line), *ready)
+            ready = (parts.ReadyWhen("life", said["ros_node"], life, line=line), *ready)
         said["ready"] = tuple(replace(one, timeout=timeout) for one in ready)
-        return parts.Process(name, line=line, **said)
+        return parts.NodeProcess(name, line=line, **said)
 
-    def conditions(self, node: Node, what: str) -> tuple[parts.Ready, ...]:
+    def conditions(self, node: Node, what: str) -> tuple[parts.ReadyWhen, ...]:
         """Return the conditions of `ready`: a list of mappings, each from one kind to a name or a time."""
         table: Table = {kind: (self.duration if kind == "after" else self.address, None) for kind in _READY}
         found = []
@@ -147,9 +147,9 @@ class PartReader(QuantityReader):
                 rule = f"a condition of {what} must name one of {', '.join(_READY)}, but names {len(kinds)}"
                 self.add(item, "binding-ready", rule, "e.g. ready: [{service: /plan}]")
             elif kinds == ["after"]:
-                found.append(parts.Ready("after", "", said["after"], line=item.line))
+                found.append(parts.ReadyWhen("after", "", said["after"], line=item.line))
             else:
-                found.append(parts.Ready(kinds[0], said[kinds[0]], said["is"], line=item.line))  # type: ignore[arg-type]
+                found.append(parts.ReadyWhen(kinds[0], said[kinds[0]], said["is"], line=item.line))  # type: ignore[arg-type]
         return tuple(found)
 
     def channel(self, role: parts.Role, name: str, node: Node, line: int) -> parts.BoundChannel:
@@ -213,9 +213,9 @@ class PartReader(QuantityReader):
         """Return a place, or None if it is not one."""
         return self.parsed(node, what, parse_place, None)
 
-    def places(self, node: Node, what: str) -> tuple[tuple[Place, Formula], ...]:
+    def places(self, node: Node, what: str) -> tuple[tuple[Place, PlacedFormula], ...]:
         """Return places, each with the formula that it is set to."""
-        made: list[tuple[Place, Formula]] = []
+        made: list[tuple[Place, PlacedFormula]] = []
         for text, value, line in self.entries(node, what, self.text):
             try:
                 place = parse_place(text, what)
@@ -225,14 +225,14 @@ class PartReader(QuantityReader):
             made.append((place, self.formula(value, f"{text!r} of {what}")))
         return tuple(made)
 
-    def bound(self, name: str, node: Node, line: int) -> parts.Bound:
+    def bound(self, name: str, node: Node, line: int) -> parts.BoundEntry:
         """Return an entry of `timing`: limits on an interaction, or from one channel to another."""
         what = f"timing {name!r}"
         if not isinstance(node, Mapping):
-            return parts.Bound(name, self.bounds(node, what), line=line)
+            return parts.BoundEntry(name, self.bounds(node, what), line=line)
         needed: Table = {"from": (self.identifier, ""), "to": (self.identifier, ""), "bound": (self.bounds, ())}
         said = self.section(node, what, {**needed, "through": (self.identifiers, ())}, tuple(needed))
-        return parts.Bound(name, said["bound"], said["from"], said["to"], said["through"], line)
+        return parts.BoundEntry(name, said["bound"], said["from"], said["to"], said["through"], line)
 
     def bounds(self, node: Node, what: str) -> tuple[str, ...]:
         """Return one text, or those of a list."""
@@ -270,16 +270,16 @@ class PartReader(QuantityReader):
         more = {key: said[key] for key in ("type", "formula", "inject", "timeout")}
         return parts.Action(verb, said[verb], value=value, line=node.line, **more)  # type: ignore[arg-type]
 
-    def system(self, node: Node, what: str) -> parts.System:
+    def system(self, node: Node, what: str) -> parts.SystemEntry:
         """Return the section of system tests."""
         table: Table = {
             "sense": (self.pairs(self.duration), ()), "once": (self.identifiers, ()), "each": (self.identifiers, ()),
-            "command": (self.command, parts.Command("", NOTHING, NOTHING, math.inf)), "robot": (self.robot, ()),
+            "command": (self.command, parts.CommandEntry("", NOTHING, NOTHING, math.inf)), "robot": (self.robot, ()),
             "tolerance": (self.number, 0.2), "duration": (self.duration, 20.0),
             "imminent_collision": (self.alarm, None),
         }  # fmt: skip
         said = self.section(node, what, table, ("sense", "command"))
-        return parts.System(alarm=said.pop("imminent_collision"), line=node.line, **said)
+        return parts.SystemEntry(alarm=said.pop("imminent_collision"), line=node.line, **said)
 
     def stack(self, node: Node, what: str) -> tuple[parts.Stack, tuple[parts.BoundChannel, ...]]:
         """Return the section of a navigation stack, and the channels of the standard topics that it names."""
@@ -309,22 +309,22 @@ class PartReader(QuantityReader):
         said = self.section(node, what, dict.fromkeys(_QUANTITIES, (self.number, None)))
         return tuple((name, value) for name, value in said.items() if value is not None)
 
-    def alarm(self, node: Node, what: str) -> tuple[str, Formula]:
+    def alarm(self, node: Node, what: str) -> tuple[str, PlacedFormula]:
         """Return the condition that tells of an imminent collision, with the channel of which it speaks."""
         formula = self.formula(node, what)
         return self.spoken_of(node, what, formula), formula
 
-    def command(self, node: Node, what: str) -> parts.Command:
+    def command(self, node: Node, what: str) -> parts.CommandEntry:
         """Return what drives the robot."""
         table: Table = dict.fromkeys(("linear", "angular"), (self.formula, NOTHING))
         said = self.section(node, what, {**table, "hold": (self.hold, math.inf)}, ("linear", "angular"))
-        return parts.Command(self.spoken_of(node, what, said["linear"], said["angular"]), line=node.line, **said)
+        return parts.CommandEntry(self.spoken_of(node, what, said["linear"], said["angular"]), line=node.line, **said)
 
     def hold(self, node: Node, what: str) -> float:
         """Return how long a command counts [s]."""
         return math.inf if isinstance(node, Scalar) and node.text == "inf" else self.duration(node, what)
 
-    def spoken_of(self, node: Node, what: str, *formulas: Formula) -> str:
+    def spoken_of(self, node: Node, what: str, *formulas: PlacedFormula) -> str:
         """Return the one channel of which formulas speak."""
         channels = sorted({str(place.steps[0]) for formula in formulas for place in formula.places})
         if len(channels) != 1 and all(formula != NOTHING for formula in formulas):

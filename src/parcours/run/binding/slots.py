@@ -13,7 +13,7 @@ from typing import Literal
 from parcours.errors import HostFailure
 from parcours.model.structure import ENVIRONMENT
 from parcours.run.binding.routes import INTO, OUT, remapping_words, remappings, routes
-from parcours.run.binding.structure import Binding, BoundChannel, Process, Transport
+from parcours.run.binding.structure import Binding, BoundChannel, NodeProcess, Transport
 
 BESIDE = "beside"
 """Stands for the number of a reference in the names of a node that is run beside an abstract case."""
@@ -23,7 +23,7 @@ Side = Literal["out", "into"]
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class ProcessSlot:
     """A process of a node.
 
     Attributes:
@@ -35,7 +35,7 @@ class Slot:
     """
 
     name: str
-    node: Process
+    node: NodeProcess
     reference: int | None = None
     ros_node: str = ""
     remap: tuple[tuple[str, str], ...] = ()
@@ -77,12 +77,12 @@ class Spoke:
 class SlotPlan:
     """Who sits where."""
 
-    slots: tuple[Slot, ...]
+    slots: tuple[ProcessSlot, ...]
     spokes: tuple[Spoke, ...]
     absent: frozenset[str] = frozenset()
     """Nodes of the binding that are not run."""
 
-    def slot(self, name: str) -> Slot | None:
+    def slot(self, name: str) -> ProcessSlot | None:
         """Return the slot of that name, or None."""
         return next((slot for slot in self.slots if slot.name == name), None)
 
@@ -119,7 +119,7 @@ def whole(binding: Binding) -> SlotPlan:
         spokes.add(channel, client, "out", route.out, client, overheard=route.access == "observe")
         spokes.add(channel, server, "into", route.into, client)
     moved = remappings(binding)
-    slots = tuple(Slot(one.name, one, None, one.ros_node, moved.get(one.name, ())) for one in binding.nodes)
+    slots = tuple(ProcessSlot(one.name, one, None, one.ros_node, moved.get(one.name, ())) for one in binding.nodes)
     return SlotPlan(slots, tuple(spokes.found.values()))
 
 
@@ -156,13 +156,13 @@ def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
     running = {slot.node.name for slot in slots}
     for launcher in binding.nodes:
         if any(node.name in running for node in binding.launched_by(launcher)):
-            slots.append(Slot(launcher.name, launcher, None, launcher.ros_node, ()))
+            slots.append(ProcessSlot(launcher.name, launcher, None, launcher.ros_node, ()))
             running.add(launcher.name)
     absent = frozenset(node.name for node in binding.nodes if node.name not in running)
     return SlotPlan(tuple(slots), tuple(spokes.found.values()), absent)
 
 
-def _asked_beside(binding: Binding) -> Iterator[Process]:
+def _asked_beside(binding: Binding) -> Iterator[NodeProcess]:
     """Yield the nodes that answer what is no part of a case; only one that can be run once more is one."""
     for channel in binding.channels:
         if channel.answer == "node" and channel.part == "request":
@@ -171,7 +171,9 @@ def _asked_beside(binding: Binding) -> Iterator[Process]:
                 yield node
 
 
-def _seated(binding: Binding, node: Process, name: str, number: int | None, renamed: str, spokes: _Spokes) -> Slot:
+def _seated(
+    binding: Binding, node: NodeProcess, name: str, number: int | None, renamed: str, spokes: _Spokes
+) -> ProcessSlot:
     tag = BESIDE if number is None else str(number)
     ros_node = f"{renamed}_{tag}" if renamed else node.ros_node
     remap: set[tuple[str, str]] = set()
@@ -195,7 +197,7 @@ def _seated(binding: Binding, node: Process, name: str, number: int | None, rena
                 if renamed and key.startswith(f"{node.ros_node}/"):
                     key = ros_node + key.removeprefix(node.ros_node)
                 remap.add((key, address))
-    return Slot(name, node, number, ros_node, tuple(sorted(remap)))
+    return ProcessSlot(name, node, number, ros_node, tuple(sorted(remap)))
 
 
 def _client(binding: Binding, channel: BoundChannel) -> str:
@@ -206,7 +208,7 @@ def _client(binding: Binding, channel: BoundChannel) -> str:
     return declared.receiver if channel.part == "response" else declared.sender
 
 
-def _ends(binding: Binding, channel: BoundChannel, node: Process) -> tuple[bool, bool]:
+def _ends(binding: Binding, channel: BoundChannel, node: NodeProcess) -> tuple[bool, bool]:
     if channel.role == "between":
         return channel.ends[0] == node.name, channel.ends[1] == node.name
     declared = binding.model.channel(channel.name)

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 from parcours.model.documents import Node as Tree
 from parcours.model.structure import Cefsm
 from parcours.run.binding.actions import ActionPart
-from parcours.run.binding.formulas import Formula
+from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.places import Place
 
 Transport = Literal["ros1", "ros2"]
@@ -30,7 +30,7 @@ START = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
+class ReadyWhen:
     """What must be seen before a node counts as started, and for how long it is waited for [s].
 
     `bound` is everything that the binding says the node sends or serves. `name` is a global name; `value` what a
@@ -45,7 +45,7 @@ class Ready:
 
 
 @dataclass(frozen=True, slots=True)
-class Process:
+class NodeProcess:
     """An operating-system process (an entry of `nodes`) that runs one or more components of the model.
 
     An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
@@ -60,7 +60,7 @@ class Process:
     cwd: Path = Path()
     remap: bool = True
     ros_node: str = ""
-    ready: tuple[Ready, ...] = ()
+    ready: tuple[ReadyWhen, ...] = ()
     after: tuple[str, ...] = ()
     restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
@@ -86,7 +86,7 @@ class Injection:
     """
 
     base: Tree | None = None
-    set: tuple[tuple[Place, Formula], ...] = ()
+    set: tuple[tuple[Place, PlacedFormula], ...] = ()
     each: Place | None = None
     line: int = field(default=0, compare=False)
 
@@ -120,7 +120,7 @@ class BoundChannel:
     type: str
     part: Part = "topic"
     role: Role = "model"
-    fields: tuple[tuple[str, Formula], ...] = ()
+    fields: tuple[tuple[str, PlacedFormula], ...] = ()
     queue: int = 1
     latch: bool = False
     out: str = ""
@@ -136,7 +136,7 @@ class BoundChannel:
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class BoundEntry:
     """Limits on how long something takes, as texts; from a message on one channel to the next on another.
 
     `begin` and `end` are empty where `name` is an interaction of the model. A chain passes `through` the channels
@@ -164,25 +164,25 @@ class Action:
     name: str
     type: str = ""
     value: Value = True
-    formula: Formula | None = None
+    formula: PlacedFormula | None = None
     inject: Injection | None = None
     timeout: float = 4.0
     line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class CommandEntry:
     """Which message drives the simulated robot: speed [m/s], yaw rate [rad/s]; it counts for `hold` [s]."""
 
     on: str
-    linear: Formula
-    angular: Formula
+    linear: PlacedFormula
+    angular: PlacedFormula
     hold: float
     line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
-class System:
+class SystemEntry:
     """A system test: the tester simulates the world, tells of it on `sense`, and obeys `command`.
 
     Args:
@@ -197,10 +197,10 @@ class System:
     """
 
     sense: tuple[tuple[str, float], ...]
-    command: Command
+    command: CommandEntry
     once: tuple[str, ...] = ()
     each: tuple[str, ...] = ()
-    alarm: tuple[str, Formula] | None = None
+    alarm: tuple[str, PlacedFormula] | None = None
     robot: tuple[tuple[str, float], ...] = ()
     tolerance: float = 0.2
     duration: float = 20.0
@@ -236,11 +236,11 @@ class Binding:
     name: str
     model: Cefsm
     transport: Transport
-    nodes: tuple[Process, ...]
+    nodes: tuple[NodeProcess, ...]
     channels: tuple[BoundChannel, ...]
-    timing: tuple[Bound, ...] = ()
+    timing: tuple[BoundEntry, ...] = ()
     warm_up: int = 10
-    system: System | None = None
+    system: SystemEntry | None = None
     stack: Stack | None = None
     clock: float = 0.0
     """How often the tester says on /clock what time it is [s]; 0 if it does not."""
@@ -279,11 +279,11 @@ class Binding:
             return channel.ends
         return next(((one.sender, one.receiver) for one in self.model.channels if one.name == name), ("", ""))
 
-    def process_of(self, component: str) -> Process | None:
+    def process_of(self, component: str) -> NodeProcess | None:
         """Return the process that runs a component, or None if none does: the tester stands in for it."""
         return next((node for node in self.nodes if component in node.components), None)
 
-    def launched_by(self, launcher: Process) -> tuple[Process, ...]:
+    def launched_by(self, launcher: NodeProcess) -> tuple[NodeProcess, ...]:
         """Return the nodes that a launcher starts: those that run already when they come `after` it."""
         nodes = self.nodes if launcher.is_launcher else ()
         return tuple(node for node in nodes if not node.is_ours and launcher.name in node.after)

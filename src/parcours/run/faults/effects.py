@@ -161,14 +161,14 @@ class Agenda:
 
 
 ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
-"""What a `Signal` sends to a process."""
+"""What a `ProcessSignal` sends to a process."""
 
 SLICE = 20_000_000
 """One turn of a slowed-down process: running, then stopped [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class ProcessSignal:
     """At `time` [ns since the run began] the component's process is stopped, continued, or killed."""
 
     time: int
@@ -176,7 +176,7 @@ class Signal:
     act: Literal["stop", "continue", "kill"]
 
 
-def signals(plan: FaultPlan, component: str) -> Iterator[Signal]:
+def signals(plan: FaultPlan, component: str) -> Iterator[ProcessSignal]:
     """Yield what to do to the process of a component, in order of time; without end if a slow-down has none."""
     # A slow-down by a factor f lets the process run for 1/f of every slice; here f = 4:
     #
@@ -187,11 +187,11 @@ def signals(plan: FaultPlan, component: str) -> Iterator[Signal]:
             continue
         until = fault.until_ns
         if fault.kind == "crash":
-            yield Signal(fault.at_ns, component, "kill")
+            yield ProcessSignal(fault.at_ns, component, "kill")
         elif fault.kind == "freeze":
-            yield Signal(fault.at_ns, component, "stop")
+            yield ProcessSignal(fault.at_ns, component, "stop")
             if until is not None:
-                yield Signal(until, component, "continue")
+                yield ProcessSignal(until, component, "continue")
         else:
             start = fault.at_ns
             while until is None or start < until:
@@ -199,6 +199,6 @@ def signals(plan: FaultPlan, component: str) -> Iterator[Signal]:
                 if until is not None:
                     stop, end = min(stop, until), min(end, until)
                 if stop < end:
-                    yield Signal(stop, component, "stop")
-                    yield Signal(end, component, "continue")
+                    yield ProcessSignal(stop, component, "stop")
+                    yield ProcessSignal(end, component, "continue")
                 start = end

@@ -18,7 +18,7 @@ from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Send, Step
 from parcours.run.trace import Trace, transitions
 
 
-class Host(Protocol):
+class HostUnderTest(Protocol):
     """What the battery needs of a host."""
 
     def inject(self, channel: str, message: object, at: int | None = None) -> None:
@@ -37,13 +37,13 @@ class Host(Protocol):
         """Let go of everything held."""
 
 
-Factory = Callable[[Sequence[Component], Sequence[Link], Answer], Host]
+Factory = Callable[[Sequence[Component], Sequence[Link], Answer], HostUnderTest]
 
 _LIMIT = 2_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class ToyStep:
     """A toy's transition."""
 
     transition: str
@@ -75,7 +75,7 @@ class Source(_Toy):
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Idle: s0."""
-        yield Taken("s0")
+        yield ToyStep("s0")
 
     def next_wake(self) -> int | None:
         """The next burst."""
@@ -85,7 +85,7 @@ class Source(_Toy):
         """Send two numbers: s1."""
         k = 2 * self._done
         self._done += 1
-        yield Taken("s1", (("numbers", k), ("numbers", k + 1)))
+        yield ToyStep("s1", (("numbers", k), ("numbers", k + 1)))
 
     def reset(self) -> None:
         """Start again."""
@@ -99,8 +99,8 @@ class Sink(_Toy):
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Take, pass on."""
-        yield Taken("k1")
-        yield Taken("k2", (("seen", message),))
+        yield ToyStep("k1")
+        yield ToyStep("k2", (("seen", message),))
 
 
 class Counting(_Toy):
@@ -114,7 +114,7 @@ class Counting(_Toy):
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Count and answer."""
         self._asked += 1
-        yield Taken("c2" if self._asked % 2 else "c1", (("answer", self._asked),))
+        yield ToyStep("c2" if self._asked % 2 else "c1", (("answer", self._asked),))
 
     def reset(self) -> None:
         """Forget the count."""

@@ -27,7 +27,7 @@ class Wire(msgspec.Struct, frozen=True, array_like=True):
     data: bytes = b""
 
 
-class Turn(msgspec.Struct, frozen=True, array_like=True):
+class OfferedTurn(msgspec.Struct, frozen=True, array_like=True):
     """One transition that an instance may take.
 
     `awaits` is the number of the message to take up first, -1 for none. If it awaits none and is idle, it is moved by
@@ -53,7 +53,7 @@ class Grant(Frame, frozen=True):
     """Driven: take these turns one after the other; stop at the first that comes out otherwise."""
 
     reference: int
-    turns: tuple[Turn, ...]
+    turns: tuple[OfferedTurn, ...]
 
 
 class Look(Frame, frozen=True):
@@ -62,7 +62,7 @@ class Look(Frame, frozen=True):
     reference: int
 
 
-class Run(Frame, frozen=True):
+class RunFreely(Frame, frozen=True):
     """Free: make a fresh component for the case and let it run by itself; its time began at `zero`."""
 
     case: bytes
@@ -84,7 +84,7 @@ class Quit(Frame, frozen=True):
     """End the process."""
 
 
-Command = Begin | Grant | Look | Run | Deliver | Rest | Quit
+Command = Begin | Grant | Look | RunFreely | Deliver | Rest | Quit
 
 
 class Ready(Frame, frozen=True):
@@ -113,7 +113,7 @@ class Turned(Frame, frozen=True):
     settled: tuple[tuple[int, Wire, tuple[Wire, ...]], ...] = ()
 
 
-class Shown(Frame, frozen=True):
+class ViewShown(Frame, frozen=True):
     """Driven: what an instance shows of itself; no message if nothing."""
 
     reference: int
@@ -135,7 +135,7 @@ class Dropped(Frame, frozen=True):
     why: str = "overrun"
 
 
-class Took(Frame, frozen=True):
+class TransitionTaken(Frame, frozen=True):
     """Free: a transition was taken (empty for a step that the model does not name), and these messages left."""
 
     time: int
@@ -159,7 +159,7 @@ class Died(Frame, frozen=True):
     status: int
 
 
-Report = Ready | Idle | Turned | Shown | Received | Dropped | Took | Broke | Died
+Report = Ready | Idle | Turned | ViewShown | Received | Dropped | TransitionTaken | Broke | Died
 
 _UNREADABLE = msgspec.MsgspecError, ValueError, RecursionError  # text that is no UTF-8 is a ValueError
 

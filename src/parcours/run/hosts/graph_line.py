@@ -14,9 +14,21 @@ from typing import Any, Protocol
 from msgspec import structs
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.frames import Begin, Command, Deliver, Quit, Report, Rest, Run, Took, Turned, Wire, packed
+from parcours.run.hosts.frames import (
+    Begin,
+    Command,
+    Deliver,
+    Quit,
+    Report,
+    Rest,
+    RunFreely,
+    TransitionTaken,
+    Turned,
+    Wire,
+    packed,
+)
 from parcours.run.hosts.frames import command as unpacked
-from parcours.run.hosts.interfaces import TESTER, Route, command_topic, report_topic
+from parcours.run.hosts.interfaces import TESTER, ChannelRoute, command_topic, report_topic
 
 INLINE = b"="
 """Stands before a message that travels within its frame, since there is no call that it could answer."""
@@ -42,14 +54,14 @@ class End(Protocol):
         """Whether the other end is connected."""
 
 
-class Sender(End, Protocol):
+class Publisher(End, Protocol):
     """The end of a topic that publishes."""
 
     def send(self, *messages: bytes) -> object:
         """Publish."""
 
 
-class Caller(End, Protocol):
+class Client(End, Protocol):
     """The end of a service that calls."""
 
     def ask(self, data: bytes, answered: Answered) -> None:
@@ -66,7 +78,7 @@ class Participant(Protocol):
     def is_ended(self) -> bool:
         """Whether a tool of the graph has ordered this node to end."""
 
-    def publish(self, topic: str, kind: Any, peer: str) -> Sender:
+    def publish(self, topic: str, kind: Any, peer: str) -> Publisher:
         """Publish a topic; `peer` misses nothing."""
 
     def subscribe(self, topic: str, kind: Any, heard: Callable[[bytes], None], peer: str, *,
@@ -76,7 +88,7 @@ class Participant(Protocol):
     def serve(self, service: str, kind: Any, asked: Callable[[bytes, Reply], None], peer: str) -> None:
         """Serve a service to that peer."""
 
-    def call(self, service: str, kind: Any) -> Caller:
+    def call(self, service: str, kind: Any) -> Client:
         """Call a service; requests and responses keep their order."""
 
     def wrap(self, frames: Sequence[bytes]) -> Sequence[bytes]:
@@ -98,12 +110,12 @@ class Participant(Protocol):
 class GraphLine:
     """A node's end. Raises HostFailure if the tester is not on the graph."""
 
-    def __init__(self, component: str, routes: Sequence[Route], participant: Participant) -> None:
+    def __init__(self, component: str, routes: Sequence[ChannelRoute], participant: Participant) -> None:
         self._participant = participant
         self._commands: deque[Command] = deque()
         self._messages: dict[str, deque[bytes]] = defaultdict(deque)
-        self._senders: dict[str, Sender] = {}
-        self._callers: dict[str, Caller] = {}
+        self._senders: dict[str, Publisher] = {}
+        self._callers: dict[str, Client] = {}
         self._calls_for: dict[str, str] = {}
         self._unanswered: dict[str, deque[Reply]] = defaultdict(deque)
         self._is_gone = False
@@ -127,7 +139,7 @@ class GraphLine:
     def _lose(self) -> None:
         self._is_gone = True
 
-    def _listen(self, route: Route) -> None:
+    def _listen(self, route: ChannelRoute) -> None:
         one = route.interface
         messages = self._messages[one.channel]
         if one.role == "topic":
@@ -141,7 +153,7 @@ class GraphLine:
 
             self._participant.serve(one.topic, route.kind, asked, TESTER)
 
-    def _speak(self, route: Route) -> None:
+    def _speak(self, route: ChannelRoute) -> None:
         channel = route.interface.channel
         if route.interface.role == "topic":
             self._senders[channel] = self._participant.publish(route.out, route.kind, TESTER)
@@ -168,7 +180,7 @@ class GraphLine:
                 break
             if not self._participant.spin(until) and until is not None and time.perf_counter_ns() >= until:
                 return None
-        if isinstance(found, Begin | Run | Rest | Quit):
+        if isinstance(found, Begin | RunFreely | Rest | Quit):
             self._decline()
         if isinstance(found, Quit):
             self._participant.close()
@@ -226,6 +238,6 @@ def with_wires(report: Report, change: Callable[[Wire], Wire]) -> Report:
     if isinstance(report, Turned) and (report.sends or report.asides):
         asides = tuple((when, change(wire)) for when, wire in report.asides)
         return structs.replace(report, asides=asides, sends=tuple(map(change, report.sends)))
-    if isinstance(report, Took) and report.sends:
+    if isinstance(report, TransitionTaken) and report.sends:
         return structs.replace(report, sends=tuple(map(change, report.sends)))
     return report

@@ -13,9 +13,21 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from parcours.run.hosts.frames import Command, Deliver, Died, Quit, Ready, Report, Took, Turned, Wire, packed, report
-from parcours.run.hosts.graph_line import CALL, INLINE, Caller, End, Participant, Reply, Sender, with_wires
-from parcours.run.hosts.interfaces import Route, command_topic, node_name, report_topic
+from parcours.run.hosts.frames import (
+    Command,
+    Deliver,
+    Died,
+    Quit,
+    Ready,
+    Report,
+    TransitionTaken,
+    Turned,
+    Wire,
+    packed,
+    report,
+)
+from parcours.run.hosts.graph_line import CALL, INLINE, Client, End, Participant, Publisher, Reply, with_wires
+from parcours.run.hosts.interfaces import ChannelRoute, command_topic, node_name, report_topic
 from parcours.run.hosts.launching import NodeProcesses
 from parcours.run.hosts.node_program import Line, Node
 
@@ -34,12 +46,12 @@ class GraphTransport(NodeProcesses):
         self._said: deque[tuple[str, Report]] = deque()
         self._incomplete: dict[str, deque[Report]] = {name: deque() for name in self.nodes}
         self._arrived: dict[str, deque[bytes]] = defaultdict(deque)
-        self._routes: dict[str, Route] = {}
+        self._routes: dict[str, ChannelRoute] = {}
         self._ends: list[End] = []
         self._reports: list[End] = []
-        self._commands: dict[str, Sender] = {}
-        self._senders: dict[str, Sender] = {}
-        self._callers: dict[str, Caller] = {}
+        self._commands: dict[str, Publisher] = {}
+        self._senders: dict[str, Publisher] = {}
+        self._callers: dict[str, Client] = {}
         self._calls: dict[str, deque[Reply]] = defaultdict(deque)
         self._answers: dict[str, deque[bytes]] = defaultdict(deque)
         self._unsent: dict[str, list[bytes]] = {}
@@ -48,7 +60,7 @@ class GraphTransport(NodeProcesses):
         self._closing = contextlib.ExitStack()
         """What is undone when the nodes have ended."""
 
-    def _join(self, participant: Participant, routes: Sequence[Route], line: Callable[..., Line],
+    def _join(self, participant: Participant, routes: Sequence[ChannelRoute], line: Callable[..., Line],
               *arguments: object) -> None:  # fmt: skip
         """Make the tester's ends, start the nodes with their `line`, and wait until all are connected."""
         self._participant = participant
@@ -72,7 +84,7 @@ class GraphTransport(NodeProcesses):
     def _is_connected(self) -> bool:
         return all(end.is_matched for end in self._ends)
 
-    def _hear_from(self, route: Route) -> None:
+    def _hear_from(self, route: ChannelRoute) -> None:
         one = route.interface
         sender = node_name(one.sender)
         if one.role == "topic":
@@ -90,7 +102,7 @@ class GraphTransport(NodeProcesses):
 
             self._participant.serve(route.out, route.kind, asked, sender)
 
-    def _speak_to(self, route: Route) -> None:
+    def _speak_to(self, route: ChannelRoute) -> None:
         one = route.interface
         if one.role == "topic":
             speaker = self._participant.publish(one.topic, route.kind, node_name(one.receiver))
@@ -178,7 +190,7 @@ class GraphTransport(NodeProcesses):
     #   topic y:       y1
 
     def _has_all(self, said: Report) -> bool:
-        if not isinstance(said, Turned | Took):
+        if not isinstance(said, Turned | TransitionTaken):
             return True
         asides = said.asides if isinstance(said, Turned) else ()
         named = [wire.channel for wire in (*(wire for _, wire in asides), *said.sends) if not wire.data]

@@ -42,7 +42,7 @@ class Interface:
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class ChannelRoute:
     """How a channel travels.
 
     Attributes:
@@ -114,7 +114,7 @@ def camel_case(name: str) -> str:
     return "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
 
 
-def routes(channels: Sequence[Interface], kinds: Mapping[str, object]) -> tuple[Route, ...]:
+def routes(channels: Sequence[Interface], kinds: Mapping[str, object]) -> tuple[ChannelRoute, ...]:
     """Return the route of each channel, in order. Raises HostFailure if several channels would publish on one topic."""
     found = []
     for one in channels:
@@ -122,7 +122,7 @@ def routes(channels: Sequence[Interface], kinds: Mapping[str, object]) -> tuple[
         if sharing and one.role == "topic":
             rule = f"carries one channel, or a request and its response, but: {one.channel}, {', '.join(sharing)}"
             raise HostFailure(f"topic {one.topic!r}", rule, "give each channel its own topic", slug="topic-shared")
-        found.append(Route(one, kinds[one.channel], sharing[0] if sharing else ""))
+        found.append(ChannelRoute(one, kinds[one.channel], sharing[0] if sharing else ""))
     return tuple(found)
 
 

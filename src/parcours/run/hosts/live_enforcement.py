@@ -16,11 +16,11 @@ from parcours.abtc import Event
 from parcours.errors import HostFailure
 from parcours.run.clocks import ClockName, WallClock
 from parcours.run.enforcement import Turn as Due
-from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Shown, Turn, Turned, Wire
+from parcours.run.hosts.frames import Begin, Died, Grant, Look, OfferedTurn, Ready, Report, Turned, ViewShown, Wire
 from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.instance import Outcome, Settled
-from parcours.run.port import Reported
+from parcours.run.instance import HandedOver, TurnOutcome
+from parcours.run.port import StepReport
 
 _ANSWER = 10_000_000_000
 """How long a node may take to make instances, or to show them [ns]."""
@@ -29,7 +29,7 @@ _REST = 2_000_000_000
 """How long a node may take to forget a case [ns]; then it is killed."""
 
 
-class Stimuli(Protocol):
+class LiveStimuli(Protocol):
     """How a case's tester moves instances on: by names and messages, since it happens in processes of their own."""
 
     def case(self) -> bytes:
@@ -51,12 +51,12 @@ class DrivenInstances:
     ahead = True
     clock: ClockName = "wall"
 
-    def __init__(self, transport: Transport, codec: Codec, stimuli: Stimuli) -> None:
+    def __init__(self, transport: Transport, codec: Codec, stimuli: LiveStimuli) -> None:
         self._transport, self._codec, self._stimuli = transport, codec, stimuli
         self.label = transport.label
         self._clock = WallClock()
         self._nodes: dict[int, str] = {}
-        self._frames: dict[int, Turn] = {}
+        self._frames: dict[int, OfferedTurn] = {}
         self._heard: list[tuple[str, Report]] = []
         self._gone: set[str] = set()
 
@@ -82,15 +82,15 @@ class DrivenInstances:
             if isinstance(said, Ready):
                 waiting.discard(node)
 
-    def _frame(self, event: Event) -> Turn:
+    def _frame(self, event: Event) -> OfferedTurn:
         settling = tuple(
             Wire(channel, self._codec.encode(channel, one)) for channel, one in self._stimuli.settling(event)
         )
         if event.receives is not None:
-            return Turn(event.transition, settle=settling)
+            return OfferedTurn(event.transition, settle=settling)
         given = self._stimuli.given(event)
         wire = None if given is None else Wire(given[0], self._codec.encode(*given))
-        return Turn(event.transition, -1, self._stimuli.prompt(event), wire, settling)
+        return OfferedTurn(event.transition, -1, self._stimuli.prompt(event), wire, settling)
 
     def sealed(self, channel: str, payload: object) -> object:
         """Return the payload's bytes."""
@@ -116,10 +116,10 @@ class DrivenInstances:
         reference = turns[0].event.reference
         self._transport.command(self._nodes[reference], Grant(reference, tuple(frames)))
 
-    def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
+    def outcomes(self, patience: int) -> Sequence[tuple[int, TurnOutcome]]:
         """Return what came of turns; a node that is gone raises in all its instances."""
         until = time.perf_counter_ns() + patience
-        over: list[tuple[int, Outcome]] = []
+        over: list[tuple[int, TurnOutcome]] = []
         while not over and time.perf_counter_ns() < until:
             for node, said in self._transport.poll(until):
                 if isinstance(said, Turned):
@@ -127,7 +127,7 @@ class DrivenInstances:
                 elif isinstance(said, Died):
                     self._gone.add(node)
                     text = f"its process ended: {ending(said.status)}"
-                    gone = Outcome("raised", self._clock.now(), text=text)
+                    gone = TurnOutcome("raised", self._clock.now(), text=text)
                     over += ((reference, gone) for reference, name in self._nodes.items() if name == node)
         return over
 
@@ -139,7 +139,7 @@ class DrivenInstances:
         shown: dict[int, tuple[str, object]] = {}
         while waiting:
             _, said = self._next(set(self._nodes.values()))
-            if isinstance(said, Shown):
+            if isinstance(said, ViewShown):
                 waiting.discard(said.reference)
                 if said.message is not None:
                     shown[said.reference] = (said.message.channel, said.message.data)
@@ -165,13 +165,13 @@ class DrivenInstances:
         return node, said
 
 
-def _outcome(said: Turned) -> Outcome:
+def _outcome(said: Turned) -> TurnOutcome:
     sends = tuple((wire.channel, wire.data) for wire in said.sends)
     asides = tuple((time, (wire.channel, wire.data)) for time, wire in said.asides)
-    told = None if said.variables is None else Reported(said.variables, said.operations)
+    told = None if said.variables is None else StepReport(said.variables, said.operations)
     settled = tuple(
-        Settled(time, (one.channel, one.data), tuple((wire.channel, wire.data) for wire in sent))
+        HandedOver(time, (one.channel, one.data), tuple((wire.channel, wire.data) for wire in sent))
         for time, one, sent in said.settled
     )
-    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told, settled,
+    return TurnOutcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told, settled,
                    early=sum(time < said.received for time, _ in said.asides))  # fmt: skip

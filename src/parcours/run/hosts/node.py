@@ -23,22 +23,22 @@ from parcours.run.hosts.frames import (
     Grant,
     Idle,
     Look,
+    OfferedTurn,
     Quit,
     Ready,
     Received,
     Report,
     Rest,
-    Run,
+    RunFreely,
     Scalar,
-    Shown,
-    Took,
-    Turn,
+    TransitionTaken,
     Turned,
+    ViewShown,
     Wire,
 )
 from parcours.run.hosts.node_program import Line, Node, NodeProgram
-from parcours.run.instance import Begin, Instance, Outcome
-from parcours.run.port import Component, LinkKind, Reported, Send, Step, reported
+from parcours.run.instance import Begin, Instance, TurnOutcome
+from parcours.run.port import Component, LinkKind, Send, Step, StepReport, reported
 
 _AT_ONCE = 1000
 """After this number of commands a component gets to work, even if more are there."""
@@ -126,8 +126,8 @@ class _Life:
             case Grant(reference, turns):
                 self._take(reference, turns)
             case Look(reference):
-                self._report(Shown(reference, self._shown(reference)))
-            case Run(case, zero):
+                self._report(ViewShown(reference, self._shown(reference)))
+            case RunFreely(case, zero):
                 self._forget()
                 self._clock = WallClock(zero)
                 self._is_idle = False
@@ -149,7 +149,7 @@ class _Life:
 
     # Driven: turns are granted.
 
-    def _take(self, reference: int, turns: tuple[Turn, ...]) -> None:
+    def _take(self, reference: int, turns: tuple[OfferedTurn, ...]) -> None:
         for turn in turns:
             try:
                 said = self._turned(reference, turn)
@@ -160,7 +160,7 @@ class _Life:
             if said.manner != "taken" or said.transition != turn.transition:
                 return
 
-    def _turned(self, reference: int, turn: Turn) -> Turned:
+    def _turned(self, reference: int, turn: OfferedTurn) -> Turned:
         """Take a turn; raises whatever the component's making, its messages or the messages to it raise."""
         if self._unmade is not None:
             raise self._unmade
@@ -174,7 +174,7 @@ class _Life:
         return Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
                       outcome.text, *_told(outcome.reported), settled)  # fmt: skip
 
-    def _turn(self, instance: Instance, turn: Turn) -> Outcome:
+    def _turn(self, instance: Instance, turn: OfferedTurn) -> TurnOutcome:
         component, clock = instance.component, self._clock
         settled = tuple(
             instance.settle(self._handing(component, one), (one.channel, one.data), clock) for one in turn.settle
@@ -264,11 +264,11 @@ class _Life:
         for step in steps:
             sends = tuple(map(self._wire, step.sends))
             if step.transition or sends:
-                self._report(Took(self._clock.now(), step.transition, sends, *_told(reported(step))))
+                self._report(TransitionTaken(self._clock.now(), step.transition, sends, *_told(reported(step))))
         self._is_idle = False
 
 
-def _told(said: Reported | None) -> tuple[dict[str, Scalar] | None, tuple[str, ...] | None]:
+def _told(said: StepReport | None) -> tuple[dict[str, Scalar] | None, tuple[str, ...] | None]:
     if said is None:
         return None, None
     return {name: value for name, value in said.variables.items() if isinstance(value, Scalar)}, said.operations

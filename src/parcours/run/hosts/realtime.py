@@ -14,14 +14,14 @@ from typing import cast
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
-from parcours.run.faults.effects import ACTS, UNTOUCHED, Agenda, Effect, Effects, Signal, signals
+from parcours.run.faults.effects import ACTS, UNTOUCHED, Agenda, Effect, Effects, ProcessSignal, signals
 from parcours.run.faults.plan import FaultPlan
-from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Received, Report, Run, Took, Wire
+from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Received, Report, RunFreely, TransitionTaken, Wire
 from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
-from parcours.run.port import ENVIRONMENT, Component, Link, Reported, Step, reported
+from parcours.run.port import ENVIRONMENT, Component, Link, Step, StepReport, reported
 from parcours.run.trace import Kind, Trace, TraceEvent
 
 # One thread of the tester does everything; nodes are processes of their own:
@@ -53,7 +53,7 @@ class EventLog:
         self._payloads: dict[int, object] = {}
 
     def record(self, kind: Kind, when: int, *, component: str = "", wire: Wire | None = None, number: int = -1,
-               transition: str = "", text: str = "", told: Reported | None = None) -> None:  # fmt: skip
+               transition: str = "", text: str = "", told: StepReport | None = None) -> None:  # fmt: skip
         """Write an event down; `when` is its time [ns], `number` that of the message in `wire`."""
         channel = wire.channel if wire else ""
         event = TraceEvent(when, kind, component, transition, channel, number, text, wire or told)
@@ -223,15 +223,15 @@ class RealTimeHost:
         self._clock.restart()
         self._begun = True
         for node in self._transport.nodes:
-            self._transport.command(node, Run(self._case, self._clock.zero))
+            self._transport.command(node, RunFreely(self._case, self._clock.zero))
             self._next_signal(signals(self._plan, node))
 
-    def _next_signal(self, coming: Iterator[Signal]) -> None:
+    def _next_signal(self, coming: Iterator[ProcessSignal]) -> None:
         one = next(coming, None)
         if one is not None:
             self._agenda.at(one.time, lambda: self._signal(one, coming))
 
-    def _signal(self, one: Signal, coming: Iterator[Signal]) -> None:
+    def _signal(self, one: ProcessSignal, coming: Iterator[ProcessSignal]) -> None:
         if one.component not in self.deaths:
             self._transport.signal(one.component, ACTS[one.act])
             self._record("note", self._now(), component=one.component, text=f"fault: {one.act}")
@@ -260,9 +260,9 @@ class RealTimeHost:
 
     def _hear(self, node: str, said: Report) -> None:
         match said:
-            case Took(when, transition, sends, variables, operations):
+            case TransitionTaken(when, transition, sends, variables, operations):
                 if transition:
-                    told = None if variables is None else Reported(variables, operations)
+                    told = None if variables is None else StepReport(variables, operations)
                     self._record("take", when, component=node, transition=transition, told=told)
                 for wire in sends:
                     self._send(node, wire, when)

@@ -18,13 +18,13 @@ from rosbags.rosbag1.reader import Header, ReaderError, RecordType, read_uint32
 from rosbags.typesys.msg import normalize_msgtype
 
 from parcours.errors import BadResults
-from parcours.run.recording.source import CutOff, Source, damaged
-from parcours.run.recording.topic import BAG_MAGIC, CHUNK, Message, Topic, Writer, no_bag
+from parcours.run.recording.source import ByteSource, CutOff, damaged
+from parcours.run.recording.topic import BAG_MAGIC, CHUNK, Message, Topic, TopicWriter, no_bag
 
 _BILLION = 1_000_000_000
 
 
-class BagWriter(Writer):
+class BagWriter(TopicWriter):
     """Writes a bag; the last thing written says where its index lies."""
 
     latest = _BILLION << 32
@@ -62,7 +62,7 @@ class BagWriter(Writer):
         self._writer.close()
 
 
-def bag_messages(source: Source) -> Iterator[Message]:
+def bag_messages(source: ByteSource) -> Iterator[Message]:
     """Yield the messages of a bag; see `topic.messages`."""
     topics: dict[int, Topic] = {}
     source.read(len(BAG_MAGIC))

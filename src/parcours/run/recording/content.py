@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from parcours.run.recording.layout import Entry, Layout, flat_md5
+from parcours.run.recording.layout import Entry, MessageLayout, flat_md5
 from parcours.run.recording.topic import Raw, Topic
 
 FORMAT = "recording/1"
@@ -12,7 +12,7 @@ FORMAT = "recording/1"
 BEGIN = 1_000_000_000
 """A run without a known start is written as if it started 1 s after the epoch [ns]: in ROS, time 0 is no time."""
 
-EVENT = Layout(
+EVENT = MessageLayout(
     (
         Entry("number", "int", "counts the events as they were written, from 0"),
         Entry("time", "int", "since the run began [ns]"),
@@ -32,7 +32,7 @@ EVENT = Layout(
 
 EVENTS = Topic("/parcours/events", "parcours/Event", EVENT.md5, EVENT.definition)
 
-TEXT = Layout((Entry("data", "text"),), "a text")
+TEXT = MessageLayout((Entry("data", "text"),), "a text")
 """std_msgs/String."""
 
 RUN = Topic("/parcours/run", "std_msgs/String", TEXT.md5, TEXT.definition, latched=True)

@@ -43,7 +43,7 @@ class FieldForm(Protocol):
         """What it is, with its unit."""
 
 
-class Codec(Protocol):
+class PayloadCodec(Protocol):
     """Knows which payloads pass on which channel: their flat form, and the way there and back."""
 
     def form(self, channel: str) -> Sequence[FieldForm] | None:
@@ -69,7 +69,7 @@ class Entry:
     doc: str = ""
 
 
-class Layout:
+class MessageLayout:
     """How values of a flat form lie in a ROS 1 message: one after another, little-endian, lengths before arrays.
 
     Args:

@@ -13,8 +13,8 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 
 from parcours.errors import BadResults
-from parcours.run.recording.source import CutOff, Source, damaged
-from parcours.run.recording.topic import CHUNK, Encoding, Message, Topic, Writer
+from parcours.run.recording.source import ByteSource, CutOff, damaged
+from parcours.run.recording.topic import CHUNK, Encoding, Message, Topic, TopicWriter
 
 _OWN = "parcours_md5sum"
 """What the channel of a message says that Parcours packs as ROS 1, and that was changed to CDR."""
@@ -22,7 +22,7 @@ _OWN = "parcours_md5sum"
 Change = Callable[[bytes], bytes]
 
 
-class McapWriter(Writer):
+class McapWriter(TopicWriter):
     """Writes an MCAP file."""
 
     latest = 1 << 63
@@ -79,7 +79,7 @@ def _valid(text: str) -> str:
     return text.encode(errors="backslashreplace").decode()
 
 
-def mcap_messages(source: Source) -> Iterator[Message]:
+def mcap_messages(source: ByteSource) -> Iterator[Message]:
     """Yield the messages of an MCAP file; see `topic.messages`."""
     stream: Any = source
     schemas: dict[int, Schema] = {}
@@ -106,7 +106,7 @@ def mcap_messages(source: Source) -> Iterator[Message]:
         raise damaged(source.where, f"a record cannot be understood: {type(error).__name__}: {error}") from error
 
 
-def _inside(chunk: Chunk, source: Source) -> list[McapRecord]:
+def _inside(chunk: Chunk, source: ByteSource) -> list[McapRecord]:
     content = source.expand(chunk.compression, chunk.data, chunk.uncompressed_size)
     try:
         return breakup_chunk(replace(chunk, compression="", data=content), validate_crc=True)

@@ -15,9 +15,9 @@ from parcours import __version__
 from parcours.run.atomic import replacing, unwritable
 from parcours.run.clocks import ClockName
 from parcours.run.noise import Noise
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 from parcours.run.recording.content import BEGIN, END, EVENT, EVENTS, FORMAT, RUN, TEXT, Names
-from parcours.run.recording.layout import Codec, Layout
+from parcours.run.recording.layout import MessageLayout, PayloadCodec
 from parcours.run.recording.topic import Encoding, Format, Raw, Topic, format_of, open_writer
 from parcours.run.trace import Trace, TraceEvent, told
 
@@ -58,7 +58,7 @@ class Recorder:
     def __init__(
         self,
         path: Path,
-        codec: Codec | None = None,
+        codec: PayloadCodec | None = None,
         *,
         clock: ClockName,
         host: str = "",
@@ -132,12 +132,12 @@ class Recorder:
 class _Stream:
     """Events into messages of one file."""
 
-    def __init__(self, file: BinaryIO, form: Format, where: str, codec: Codec | None, begin: int,
+    def __init__(self, file: BinaryIO, form: Format, where: str, codec: PayloadCodec | None, begin: int,
                  encoding: Encoding = "ros1") -> None:  # fmt: skip
         self.writer = open_writer(form, file, where, encoding)
         self._codec, self._begin = codec, begin
         self._names = Names()
-        self._flat: dict[str, tuple[Topic, Layout] | None] = {}
+        self._flat: dict[str, tuple[Topic, MessageLayout] | None] = {}
         self._raw: dict[tuple[str, str, str], Topic] = {}
         self._known: OrderedDict[tuple[str, int], tuple[int, object, bool]] = OrderedDict()
         self._left_out: set[str] = set()
@@ -167,7 +167,7 @@ class _Stream:
     def _payload(self, event: TraceEvent, time: int) -> tuple[int, bool, str]:
         """Write the event's payload if need be; return the number of the event that has it, whether raw, and where."""
         payload, channel = event.payload, event.channel
-        if payload is None or isinstance(payload, Reported):
+        if payload is None or isinstance(payload, StepReport):
             return -1, False, ""
         key = channel, event.message
         known = self._known.get(key)
@@ -198,10 +198,10 @@ class _Stream:
             self._raw[key] = self._names.raw(channel, payload)
         return self._raw[key]
 
-    def _flat_topic(self, channel: str) -> tuple[Topic, Layout] | None:
+    def _flat_topic(self, channel: str) -> tuple[Topic, MessageLayout] | None:
         if channel not in self._flat:
             fields = self._codec.form(channel) if self._codec else None
-            layout = None if fields is None else Layout(fields, f"channel {channel!r}")
+            layout = None if fields is None else MessageLayout(fields, f"channel {channel!r}")
             self._flat[channel] = None if layout is None else (self._names.flat(channel, layout.definition), layout)
         return self._flat[channel]
 
@@ -215,7 +215,12 @@ class _Stream:
 
 
 def write_recording(
-    path: Path, trace: Trace, codec: Codec | None = None, *, begin: int = BEGIN, about: Mapping[str, str] | None = None
+    path: Path,
+    trace: Trace,
+    codec: PayloadCodec | None = None,
+    *,
+    begin: int = BEGIN,
+    about: Mapping[str, str] | None = None,
 ) -> None:
     """Write a finished trace as MCAP or as a ROS 1 bag, whichever the file's name asks for.
 

@@ -17,8 +17,8 @@ from parcours.run.atomic import replacing
 from parcours.run.clocks import ClockName
 from parcours.run.noise import noise_of
 from parcours.run.recording.content import END, EVENT, EVENTS, FORMAT, RUN, TEXT
-from parcours.run.recording.layout import Codec, Layout, same_definition
-from parcours.run.recording.source import CutOff, Source, damaged
+from parcours.run.recording.layout import MessageLayout, PayloadCodec, same_definition
+from parcours.run.recording.source import ByteSource, CutOff, damaged
 from parcours.run.recording.topic import BAG_MAGIC, MCAP_MAGIC, Message, Raw, Topic, format_of, messages, open_writer
 from parcours.run.trace import Kind, Trace, TraceEvent, retold
 
@@ -54,7 +54,7 @@ class Recording:
         return not self.missing
 
 
-def read_recording(path: Path, codec: Codec | None = None, *, most: int = MOST) -> Recording:
+def read_recording(path: Path, codec: PayloadCodec | None = None, *, most: int = MOST) -> Recording:
     """Return what was recorded; the format is found by the file's content.
 
     Args:
@@ -120,7 +120,7 @@ def _opened(path: Path, most: int) -> Iterator[Iterator[Message]]:
         if not magic.startswith(MCAP_MAGIC) and magic != BAG_MAGIC:
             rule = f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}"
             raise BadResults(where, rule, "name the file that was recorded", slug="recording-magic")
-        yield messages(Source(file, where, most), "bag" if magic == BAG_MAGIC else "mcap")
+        yield messages(ByteSource(file, where, most), "bag" if magic == BAG_MAGIC else "mcap")
 
 
 class _Start(msgspec.Struct):
@@ -156,7 +156,7 @@ class _Gathered:
         self._events: dict[int, tuple[_Values, int]] = {}
         self._payloads: defaultdict[tuple[str, int], deque[tuple[Topic, bytes]]] = defaultdict(deque)
         self._sound: Topic | None = None
-        self._layouts: dict[tuple[str, str], Layout] = {}
+        self._layouts: dict[tuple[str, str], MessageLayout] = {}
 
     def add(self, topic: Topic, time: int, content: bytes) -> None:
         """Take up a message."""
@@ -191,7 +191,7 @@ class _Gathered:
             raise self._mixed()
         self._events[known[0]] = known, time
 
-    def recording(self, cut: str, codec: Codec | None) -> Recording:
+    def recording(self, cut: str, codec: PayloadCodec | None) -> Recording:
         """Return what the messages say."""
         begun = self._begun
         if begun is None:
@@ -222,7 +222,7 @@ class _Gathered:
         except msgspec.ValidationError as error:
             raise damaged(self._where, f"the message on {topic.name} makes no sense: {error}") from error
 
-    def _trace_events(self, codec: Codec | None) -> tuple[list[TraceEvent], int]:
+    def _trace_events(self, codec: PayloadCodec | None) -> tuple[list[TraceEvent], int]:
         """Return the events in order of time, and how many payloads are lacking."""
         restored: dict[int, object] = {}
         lacking = 0
@@ -245,7 +245,7 @@ class _Gathered:
                 raise damaged(self._where, f"an event makes no sense: {error}") from error
         return events, lacking
 
-    def _restored(self, topic: Topic, content: bytes, channel: str, raw: bool, codec: Codec | None) -> object:
+    def _restored(self, topic: Topic, content: bytes, channel: str, raw: bool, codec: PayloadCodec | None) -> object:
         if raw:
             return Raw(topic.type, topic.md5, topic.definition, content, topic.encoding)
         if codec is None:
@@ -253,7 +253,7 @@ class _Gathered:
         layout = self._layouts.get((channel, topic.name))
         if layout is None:
             fields = codec.form(channel)
-            layout = None if fields is None else Layout(fields, f"channel {channel!r}")
+            layout = None if fields is None else MessageLayout(fields, f"channel {channel!r}")
             if layout is None or not same_definition(topic.definition, layout.definition):
                 raise self._other_type(topic, "" if layout is None else layout.definition)
             self._layouts[channel, topic.name] = layout

@@ -17,7 +17,7 @@ class CutOff(Exception):
     """The file ends in the middle of a record."""
 
 
-class Source:
+class ByteSource:
     """Yields the bytes of a file in order.
 
     Args:

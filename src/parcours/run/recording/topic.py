@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from parcours.errors import BadRequest
-from parcours.run.recording.source import Source
+from parcours.run.recording.source import ByteSource
 
 Format = Literal["mcap", "bag"]
 Encoding = Literal["ros1", "cdr"]
@@ -65,7 +65,7 @@ Message = tuple[Topic, int, bytes]
 """Where it passes, when [ns since the epoch], and its bytes."""
 
 
-class Writer(ABC):
+class TopicWriter(ABC):
     """Writes messages to a file of one format, chunk by chunk.
 
     Args:
@@ -124,7 +124,7 @@ class Writer(ABC):
     def _end_chunk(self) -> None: ...
 
 
-def open_writer(form: Format, file: BinaryIO, where: str, encoding: Encoding = "ros1") -> Writer:
+def open_writer(form: Format, file: BinaryIO, where: str, encoding: Encoding = "ros1") -> TopicWriter:
     """Return what writes a recording to an empty file; Parcours' own messages, too, in the encoding given.
 
     Raises:
@@ -147,7 +147,7 @@ def no_bag(where: str) -> BadRequest:
     return BadRequest(where, rule, "record MCAP", slug="recording-encoding")
 
 
-def messages(source: Source, form: Format) -> Iterator[Message]:
+def messages(source: ByteSource, form: Format) -> Iterator[Message]:
     """Yield the messages of a recording in the order of the file, without trust in its index.
 
     Raises:

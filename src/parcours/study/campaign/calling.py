@@ -20,9 +20,9 @@ from parcours.run.raised import Overdue, place, said, without_addresses
 from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
-from parcours.study.components.process import Process, begun, command_of, keep, quoted, take_kept
+from parcours.study.components.process import ComponentProcess, begun, command_of, keep, quoted, take_kept
 from parcours.study.components.systems import ProgramPart
-from parcours.study.loading import Source, file_of, load
+from parcours.study.loading import SourceFile, file_of, load
 from parcours.study.parameters import Scalar, Settings
 from parcours.suite import Case
 
@@ -96,7 +96,7 @@ class PythonCaller:
 
     def __init__(
         self, study: CampaignStudy, target: Target, what: str, settings: Settings, seed: int, alarm: Alarm,
-        source: Source | None = None,
+        source: SourceFile | None = None,
     ) -> None:  # fmt: skip
         self._study, self._settings, self._seed = study, settings, seed
         if isinstance(target, str):
@@ -147,8 +147,8 @@ class ProgramCaller:
             "parameters": {one.name: self._settings.get(one.name, one.default) for one in self._study.own},
         }  # fmt: skip
 
-        def started() -> Process:
-            return Process(self._command, self._part, self._study.name, self._study.patience)
+        def started() -> ComponentProcess:
+            return ComponentProcess(self._command, self._part, self._study.name, self._study.patience)
 
         try:
             return begun(take_kept(self._key), started, lambda process, is_new: self._answer(process, content))
@@ -159,7 +159,7 @@ class ProgramCaller:
             fault, what = faults.get(error.slug, (Fault.BAD_FACTS, "bad facts"))
             raise Faulty(fault, f"{what}: {error.rule}") from error
 
-    def _answer(self, process: Process, content: Mapping[str, object]) -> object:
+    def _answer(self, process: ComponentProcess, content: Mapping[str, object]) -> object:
         process.forget_words()
         with process.exchange("case", content):
             line = process.line()

@@ -23,7 +23,7 @@ from parcours.study.campaign.study import PATIENCE, CampaignStudy
 from parcours.study.components.components_file import inputs_of, program_part
 from parcours.study.loading import file_of
 from parcours.study.parameters import Settings, settings_of
-from parcours.study.protocol import Finding, Progress, Study
+from parcours.study.protocol import Progress, Study, StudyFinding
 from parcours.study.study_file import Key, StudyReader
 
 if TYPE_CHECKING:
@@ -135,11 +135,11 @@ def _function(reader: StudyReader, node: Node, what: str, known: Sequence[str]) 
     return target
 
 
-def check_campaign(study: CampaignStudy, progress: Progress) -> list[Finding]:
+def check_campaign(study: CampaignStudy, progress: Progress) -> list[StudyFinding]:
     """Return what is wrong with a study, as a few cases show: run, run again, in another order, and judged."""
     settings = settings_of(study.parameters, {})
     order = tuple(range(_TRIED))
-    found: list[Finding] = []
+    found: list[StudyFinding] = []
     steps = (order[:1], order, order, order[::-1])
     runs: list[Rows] = []
     seconds = []
@@ -149,32 +149,34 @@ def check_campaign(study: CampaignStudy, progress: Progress) -> list[Finding]:
         try:
             runs.append(np.sort(study.simulated(numbers, settings, _SEED), order="number"))
         except ParcoursError as error:
-            return [Finding("error", error.where, error.rule, error.remedy)]
+            return [StudyFinding("error", error.where, error.rule, error.remedy)]
         seconds.append(time.monotonic() - started)
     progress("the same cases, again and in another order", len(steps), len(steps))
     _, first, again, reverse = runs
     found += _faults(study, first)
     unsteady = _differing(study, first, again)
     if unsteady:
-        found.append(Finding("error", study.name, f"a case must give the same facts each time, but {unsteady}",
+        found.append(StudyFinding("error", study.name, f"a case must give the same facts each time, but {unsteady}",
                              "draw random numbers from `rng` or `seed`, and read no clock"))  # fmt: skip
     elif late := _differing(study, first, reverse) or _differing(study, first[:1], runs[0]):
         rule = f"a case must not depend on those before it, but in another order {late}"
         remedy = "keep nothing between cases: no globals, no caches that change results"
-        found.append(Finding("error", study.name, rule, remedy))
+        found.append(StudyFinding("error", study.name, rule, remedy))
     found += _judged(study, first, settings)
     each = max(seconds[1] - seconds[0], 0.0) / (_TRIED - 1)
     if each > _SLOW * study.patience:
         rule = f"a case takes {each:.3g} s, close to the patience of {study.patience:g} s"
-        found.append(Finding("warning", study.name, rule, "give it more patience"))
+        found.append(StudyFinding("warning", study.name, rule, "give it more patience"))
     rule = f"a case takes about {1e3 * each:.3g} ms, 1000 cases {1e3 * each:.3g} s in one worker"
-    found.append(Finding("note", study.name, rule))
+    found.append(StudyFinding("note", study.name, rule))
     if study.trace is not None and isinstance(said := study.traced(study.case(0, _SEED), settings), str):
-        found.append(Finding("error", study.name, f"a trace must be a list of mappings, or (names, rows), but {said}"))
+        found.append(
+            StudyFinding("error", study.name, f"a trace must be a list of mappings, or (names, rows), but {said}")
+        )
     return found
 
 
-def _faults(study: CampaignStudy, rows: Rows) -> list[Finding]:
+def _faults(study: CampaignStudy, rows: Rows) -> list[StudyFinding]:
     """Return the errors of cases, one for each reason."""
     remedies = {Fault.BAD_FACTS: "give every fact of the study, finite and of its type",
                 Fault.HUNG: "give it more patience, or make it faster"}  # fmt: skip
@@ -183,7 +185,7 @@ def _faults(study: CampaignStudy, rows: Rows) -> list[Finding]:
         alike = rows[rows["reason"] == reason]
         rule = f"{len(alike)} of {len(rows)} cases end in an error: {reason.decode('utf-8', 'replace')}"
         remedy = remedies.get(Fault(alike[0]["error"]), f"run it alone: {study.id(int(alike[0]['number']))}")
-        found.append(Finding("error", study.name, rule, remedy))
+        found.append(StudyFinding("error", study.name, rule, remedy))
     return found
 
 
@@ -200,7 +202,7 @@ def _differing(study: CampaignStudy, first: Rows, second: Rows) -> str:
     return ""
 
 
-def _judged(study: CampaignStudy, rows: Rows, settings: Settings) -> list[Finding]:
+def _judged(study: CampaignStudy, rows: Rows, settings: Settings) -> list[StudyFinding]:
     """Return which formulas cannot be evaluated, and which say the same of all cases."""
     sound = rows[rows["error"] == Fault.NONE]
     values = [
@@ -214,11 +216,11 @@ def _judged(study: CampaignStudy, rows: Rows, settings: Settings) -> list[Findin
                 held = {evaluate(rule.formula, known, what) for known in values}
             except BadModel as error:
                 remedy = "guard it, as in `n != 0 && 1 / n > 2`"
-                found.append(Finding("error", f"{study.name}, {what}", error.rule, remedy))
+                found.append(StudyFinding("error", f"{study.name}, {what}", error.rule, remedy))
                 continue
             if len(held) == 1 and len(values) > 1:
                 always = "always" if held == {True} else "never"
                 said = f"`{rule.when}` {always} holds in {len(values)} cases"
                 remedy = "make sure that it can tell cases apart"
-                found.append(Finding("warning", f"{study.name}, {what}", said, remedy))
+                found.append(StudyFinding("warning", f"{study.name}, {what}", said, remedy))
     return found

@@ -32,7 +32,7 @@ from parcours.study.campaign.calling import (
 )
 from parcours.study.campaign.rules import ABSTRACT, Fault, Rows
 from parcours.study.components.systems import ProgramPart
-from parcours.study.loading import Source, read_source
+from parcours.study.loading import SourceFile, read_source
 from parcours.study.parameters import Scalar, Settings
 from parcours.suite import Case
 
@@ -47,7 +47,7 @@ class Simulation:
     study: CampaignStudy
     settings: Settings
     seed: int
-    source: Source | None = None  # of a function that a file defines
+    source: SourceFile | None = None  # of a function that a file defines
     lost: tuple[heartbeat.LostCase, ...] = ()
 
     @property

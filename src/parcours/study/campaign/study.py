@@ -43,7 +43,7 @@ from parcours.study.components.systems import ProgramPart
 from parcours.study.covering import closing
 from parcours.study.loading import file_of, read_source
 from parcours.study.parameters import Parameter, Scalar, Settings, natural, workers_parameter
-from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Results, Run, StudyFinding
 from parcours.study.selection import chosen_cases
 from parcours.suite import Case, Plan, combine
 
@@ -262,7 +262,7 @@ class CampaignStudy:
         """Refuse: campaigns are not recorded."""
         raise BadRequest(str(recording), "campaigns are not recorded", "replay a case instead", slug="recording-case")
 
-    def check(self, progress: Progress) -> Sequence[Finding]:
+    def check(self, progress: Progress) -> Sequence[StudyFinding]:
         """Run the battery for its author."""
         from parcours.study.campaign.campaign_file import check_campaign
 

@@ -11,9 +11,9 @@ import msgspec
 from parcours.errors import BadResults, ParcoursError
 from parcours.filenames import file_name
 from parcours.run.atomic import require_writable
-from parcours.run.recording import Codec, Recorder, Recording, read_recording, write_recording
+from parcours.run.recording import PayloadCodec, Recorder, Recording, read_recording, write_recording
 from parcours.run.trace import Row, Trace, repeats
-from parcours.study.components.executing import Functional, Timing, judge_trace, whole_case
+from parcours.study.components.executing import CaseTiming, Functional, judge_trace, whole_case
 from parcours.study.components.results import PER_VISIT
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Rejudged
@@ -33,7 +33,7 @@ class Archive:
     def __init__(self, study: ComponentStudy, folder: Path, form: str, host: str, settings: Settings) -> None:
         self._study, self._folder, self._host, self._settings = study, folder, host, settings
         self._form = cast(Form, form)
-        self._codec: Codec = study.recorded
+        self._codec: PayloadCodec = study.recorded
         require_writable(folder)
         self._open: dict[str, tuple[Recorder, Row]] = {}
         self._timed: dict[str, int] = {}  # a case may be timed under several limits
@@ -58,7 +58,7 @@ class Archive:
         for event in row.next(trace.events):
             recorder.write(event)
 
-    def timing(self, run: Timing) -> None:
+    def timing(self, run: CaseTiming) -> None:
         """Conclude the recording of a timing case."""
         recorder, _ = self._open.pop(run.case.id)
         recorder.conclude(run.noise, {"bound": str(run.bound), "group": run.group, **_verdict(run.judgement)})

@@ -12,7 +12,7 @@ from parcours.study.components.executing import run_functional
 from parcours.study.components.landing import landing_of
 from parcours.study.components.running import executed_apart, executors
 from parcours.study.parameters import Settings, settings_of
-from parcours.study.protocol import Finding, Level, Progress
+from parcours.study.protocol import Level, Progress, StudyFinding
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -27,7 +27,7 @@ _LIVE = 3  # cases that are executed on processes, too
 Outcomes = dict[str, tuple[Judgement, Trace | None]]
 
 
-def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
+def check_study(study: ComponentStudy, progress: Progress) -> list[StudyFinding]:
     """Return everything that the battery finds, errors first.
 
     Each abstract case is executed once, some twice, a few on processes; what the model has and no case takes, and test
@@ -35,7 +35,7 @@ def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
     """
     nodes = study.nodes()
     carried = [
-        Finding("error", "messages", rule, "change the class in the model, or what is sent")
+        StudyFinding("error", "messages", rule, "change the class in the model, or what is sent")
         for rule in uncarried(nodes.model, nodes.shown, nodes.specimens, nodes.codec)
     ]
     if study.system is None:
@@ -66,23 +66,25 @@ def _executed(study: ComponentStudy, settings: Settings, cases: Sequence[Case], 
     return outcomes
 
 
-def _failing(cases: Sequence[Case], outcomes: Outcomes) -> Iterator[Finding]:
-    wrong: list[Finding] = []
+def _failing(cases: Sequence[Case], outcomes: Outcomes) -> Iterator[StudyFinding]:
+    wrong: list[StudyFinding] = []
     for case in cases:
         judgement, trace = outcomes[case.id]
         if trace is None:
-            wrong.append(Finding("error", case.id, f"fails: {judgement.why}", "see it: parcours run STUDY --case ID"))
+            wrong.append(
+                StudyFinding("error", case.id, f"fails: {judgement.why}", "see it: parcours run STUDY --case ID")
+            )
         elif not judgement.passed:
             level: Level = "warning" if judgement.verdict is Verdict.INCONCLUSIVE else "error"
-            wrong.append(Finding(level, case.id, f"{judgement.verdict}: {judgement.why}"))
+            wrong.append(StudyFinding(level, case.id, f"{judgement.verdict}: {judgement.why}"))
     yield from wrong[:_SHOWN]
     if len(wrong) > _SHOWN:
-        yield Finding("error", "cases", f"{len(wrong) - _SHOWN} more do not pass", "parcours run shows all")
+        yield StudyFinding("error", "cases", f"{len(wrong) - _SHOWN} more do not pass", "parcours run shows all")
 
 
 def _unrepeatable(
     study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: Outcomes, progress: Progress
-) -> Iterator[Finding]:
+) -> Iterator[StudyFinding]:
     """Yield cases that come out otherwise when they are executed again, in another order."""
     again = _executed(study, settings, list(reversed(cases[:_TWICE])), progress)
     for id, (_, second) in again.items():
@@ -90,7 +92,7 @@ def _unrepeatable(
         if first is not None and second is not None and _plain(first) != _plain(second):
             rule = "comes out otherwise when it is executed again, after other cases"
             remedy = "a component keeps something between cases, or draws random numbers without the seed of its `case`"
-            yield Finding("warning", id, rule, remedy)
+            yield StudyFinding("warning", id, rule, remedy)
             return
 
 
@@ -100,10 +102,10 @@ def _plain(trace: Trace) -> list[tuple[object, ...]]:
 
 def _different_live(
     study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: Outcomes, progress: Progress
-) -> Iterator[Finding]:
+) -> Iterator[StudyFinding]:
     """Yield cases whose verdict on processes is another one, or why there are no processes."""
     if not study.where:
-        yield Finding("note", "host processes", "not tried: no other process can find this study",
+        yield StudyFinding("note", "host processes", "not tried: no other process can find this study",
                       "give the object its `where`: file.py:NAME")  # fmt: skip
         return
     exercise, live = study.exercise(settings), {**settings, "host": "processes"}
@@ -115,21 +117,23 @@ def _different_live(
                 before = outcomes[case.id][0].verdict
                 if judgement.verdict is not before and judgement.verdict is not Verdict.INCONCLUSIVE:
                     rule = f"is {before} in simulated time, but on processes {judgement.verdict}: {judgement.why}"
-                    yield Finding("error", case.id, rule, "what a component does must not depend on its process")
+                    yield StudyFinding("error", case.id, rule, "what a component does must not depend on its process")
     except ParcoursError as error:
-        yield Finding("error", f"host processes, {error.where}", error.rule, error.remedy)
+        yield StudyFinding("error", f"host processes, {error.where}", error.rule, error.remedy)
 
 
-def _infeasible(study: ComponentStudy) -> Iterator[Finding]:
+def _infeasible(study: ComponentStudy) -> Iterator[StudyFinding]:
     found = list(study.infeasible.items())
     for id, why in found[:_SHOWN]:
         remedy = "no value of the tester's makes the guards of this case hold together"
-        yield Finding("note", id, f"is left out: {why}", remedy)
+        yield StudyFinding("note", id, f"is left out: {why}", remedy)
     if len(found) > _SHOWN:
-        yield Finding("note", "abstract cases", f"{len(found) - _SHOWN} more are left out for the same kind of reason")
+        yield StudyFinding(
+            "note", "abstract cases", f"{len(found) - _SHOWN} more are left out for the same kind of reason"
+        )
 
 
-def _untaken(study: ComponentStudy) -> Iterator[Finding]:
+def _untaken(study: ComponentStudy) -> Iterator[StudyFinding]:
     taken = {event.transition for id in study.abstracts for event in study._events(id)}
     for component in study.model.components:
         left = [transition.id for transition in component.transitions() if transition.id not in taken]
@@ -138,10 +142,10 @@ def _untaken(study: ComponentStudy) -> Iterator[Finding]:
             remedy = (
                 "name an interaction path through it under the model's `interactions:`, or another criterion: `paths:`"
             )
-            yield Finding("warning", f"component {component.name}", rule, remedy)
+            yield StudyFinding("warning", f"component {component.name}", rule, remedy)
 
 
-def _unreached_inputs(study: ComponentStudy) -> Iterator[Finding]:
+def _unreached_inputs(study: ComponentStudy) -> Iterator[StudyFinding]:
     """Yield test inputs that no message, input variable or formula reads."""
     from parcours.model.expression import names
 
@@ -155,16 +159,16 @@ def _unreached_inputs(study: ComponentStudy) -> Iterator[Finding]:
         if name not in read:
             rule = "reaches nothing that the tester sends: no message field, input variable or formula has this name"
             remedy = "name a field like it, or use it under `supply:`; constructors may take an argument of this name"
-            yield Finding("warning", f"test input {name!r}", rule, remedy)
+            yield StudyFinding("warning", f"test input {name!r}", rule, remedy)
 
 
-def _landing_nowhere(study: ComponentStudy, settings: Settings, progress: Progress) -> Iterator[Finding]:
+def _landing_nowhere(study: ComponentStudy, settings: Settings, progress: Progress) -> Iterator[StudyFinding]:
     """Yield blocks of test data that change no message that a component receives, though the input is known."""
     if not study.inputs.domains:
         return
     landing = landing_of(study, study.plan(1), settings, progress)
     for block in landing.unreached[:_SHOWN]:
         rule = "no other value in its place changes a message that a component receives, in any case"
-        yield Finding("warning", block, rule, "see `parcours data landing`; constructors may read it all the same")
+        yield StudyFinding("warning", block, rule, "see `parcours data landing`; constructors may read it all the same")
     if len(landing.unreached) > _SHOWN:
-        yield Finding("warning", "blocks", f"{len(landing.unreached) - _SHOWN} more change nothing")
+        yield StudyFinding("warning", "blocks", f"{len(landing.unreached) - _SHOWN} more change nothing")

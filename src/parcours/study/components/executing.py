@@ -152,7 +152,7 @@ class TimingGroup:
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class CaseTiming:
     """One case executed again and again in real time, warm-up left out."""
 
     case: Case
@@ -172,7 +172,7 @@ def run_timing(
     warm_up: int = 3,
     listener: Callable[[Case, Trace], None] = lambda case, trace: None,
     progress: Callable[[int], None] = lambda done: None,
-) -> Iterator[Timing]:
+) -> Iterator[CaseTiming]:
     """Yield the timing results of the groups' cases, group by group."""
     done = 0
     for group in groups:
@@ -192,7 +192,7 @@ def run_timing(
                 progress(done)
         noise = meter.noise()
         for (case, bound), durations in zip(group.cases, measured, strict=True):
-            yield Timing(case, group.name, bound, durations, noise, judge(durations, bound, noise))
+            yield CaseTiming(case, group.name, bound, durations, noise, judge(durations, bound, noise))
 
 
 def whole_case(trace: Trace) -> int:

@@ -21,7 +21,7 @@ from parcours.report.pieces import Cause, Column, Failing, Failures, Marked, Pag
 from parcours.run.faults import corrupted
 from parcours.run.port import Component, Step
 from parcours.study.components.isolation import Done, run_apart
-from parcours.study.components.messages import Messages
+from parcours.study.components.messages import ModelMessages
 from parcours.study.components.running import functional_here
 from parcours.study.components.systems import System
 from parcours.study.components.tester import Wrapped
@@ -175,7 +175,7 @@ def _judged(
 class _Striking:
     """A system of whose components one is struck."""
 
-    def __init__(self, system: System, fault: Strike, messages: Messages, seed: int) -> None:
+    def __init__(self, system: System, fault: Strike, messages: ModelMessages, seed: int) -> None:
         self._system, self._fault, self._messages, self._seed = system, fault, messages, seed
         self.struck = False
 

@@ -35,7 +35,7 @@ class FlatField:
     doc: str
 
 
-class Messages:
+class ModelMessages:
     """The messages of one model, channel by channel.
 
     >>> from parcours.model import parse_model

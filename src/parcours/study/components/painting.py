@@ -25,7 +25,7 @@ _EXPECTED = re.compile(r"event \d+, ([^#\s]+)#\d+: expected (\S+?),")  # as the 
 
 
 @dataclass(slots=True)
-class Taken:
+class TransitionCases:
     """What became of the cases that took a transition."""
 
     passed: int = 0
@@ -35,9 +35,9 @@ class Taken:
     broke: bool = False  # whether a case was to take it and did not
 
 
-def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mapping[Place, Taken]:
+def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mapping[Place, TransitionCases]:
     """Return what became of the functional cases that were to take each transition; a passing case has taken it."""
-    found: dict[Place, Taken] = {}
+    found: dict[Place, TransitionCases] = {}
     cases: dict[str, list[ComponentResult]] = {}
     for one in results:
         if not one.bound and one.verdict != "inconclusive":
@@ -48,7 +48,7 @@ def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mappi
         verdicts = Counter(one.verdict == "pass" for one in mine)
         named = {good: [one.id for one in mine if (one.verdict == "pass") is good][:_NAMED] for good in (True, False)}
         for place in {(event.component, event.transition) for event in study.order_of(abstract)}:
-            at = found.setdefault(place, Taken())
+            at = found.setdefault(place, TransitionCases())
             at.passed += verdicts[True]
             at.failed += verdicts[False]
             at.passing += named[True][: _NAMED - len(at.passing)]
@@ -72,7 +72,7 @@ def machine_pieces(study: ComponentStudy, results: Sequence[ComponentResult], wh
         for machine in component.machines:
             painted: dict[str, Paint] = {}
             for one in machine.transitions:
-                at = taken.get((component.name, one.id), Taken())
+                at = taken.get((component.name, one.id), TransitionCases())
                 state = _state(at, (component.name, one.id) in study.untaken)
                 anchor = f"taken_{plain_anchor(f'{where} {component.name} {one.id}')}"
                 painted[one.id] = Paint(state, f"{state}, {at.passed} passed, {at.failed} failed", anchor)
@@ -105,7 +105,7 @@ def _drawing(machine: Machine, title: str, painted: Mapping[str, Paint]) -> Call
     return lambda: to_svg(machine, title, painted)
 
 
-def _state(at: Taken, infeasible: bool) -> PaintState:
+def _state(at: TransitionCases, infeasible: bool) -> PaintState:
     if at.broke or (at.failed and not at.passed):
         return "failing"
     if at.passed:

@@ -42,8 +42,8 @@ _MOST_KEPT = 16
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
 
-_alive: set[Process] = set()
-_kept: dict[object, list[Process]] = {}
+_alive: set[ComponentProcess] = set()
+_kept: dict[object, list[ComponentProcess]] = {}
 _guarded: set[int] = set()  # processes whose exit ends the programs that they have started
 
 
@@ -58,7 +58,7 @@ _guarded: set[int] = set()  # processes whose exit ends the programs that they h
 #
 # Of a program with `socket: true`, the socket takes the place of stdin and stdout once the program has connected; its
 # standard output and error are then one stream, of words for people.
-class Process:
+class ComponentProcess:
     """A running program of a component; an answer may take `patience` [s]. HostFailure if it cannot be started."""
 
     def __init__(self, command: list[str], part: ProgramPart, component: str, patience: float) -> None:
@@ -82,7 +82,7 @@ class Process:
         _alive.add(self)
 
     @contextlib.contextmanager
-    def exchange(self, word: str, content: object) -> Iterator[Process]:
+    def exchange(self, word: str, content: object) -> Iterator[ComponentProcess]:
         """Ask a word, and let the caller read the answer; whatever goes wrong meanwhile ends the program."""
         try:
             self.ask(word, content)
@@ -326,7 +326,7 @@ def _started(
 # a case. A forked process has none of its parent's.
 
 
-def take_kept(key: object) -> Process | None:
+def take_kept(key: object) -> ComponentProcess | None:
     """Return a program that was kept under this key and still runs; None if there is none."""
     kept = _kept.get(key, [])
     while kept:
@@ -337,7 +337,9 @@ def take_kept(key: object) -> Process | None:
     return None
 
 
-def begun(kept: Process | None, start: Callable[[], Process], first: Callable[[Process, bool], T]) -> T:
+def begun(
+    kept: ComponentProcess | None, start: Callable[[], ComponentProcess], first: Callable[[ComponentProcess, bool], T]
+) -> T:
     """Return what `first(program, is_new)` gives with a kept program, or with a new one.
 
     A program may do one case only. It says so by ending in good order when it is asked for a second one.
@@ -350,7 +352,7 @@ def begun(kept: Process | None, start: Callable[[], Process], first: Callable[[P
     return first(start(), True)
 
 
-def keep(key: object, process: Process) -> None:
+def keep(key: object, process: ComponentProcess) -> None:
     """Keep a sound program, unless there are enough."""
     if sum(map(len, _kept.values())) < _MOST_KEPT:
         _kept.setdefault(key, []).append(process)

@@ -27,7 +27,7 @@ import msgspec
 from parcours.errors import HostFailure, one_of
 from parcours.model.structure import Component as Modelled
 from parcours.run.port import Send, Step
-from parcours.study.components.process import Process, begun, command_of, failure, keep, quoted, take_kept
+from parcours.study.components.process import ComponentProcess, begun, command_of, failure, keep, quoted, take_kept
 from parcours.study.components.simple import MOST_SENDS, Took
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ _MAY_HAVE = {"reset": "wake", "took": "wake"}
 _QUOTED = 80
 
 
-class Program:
+class ProgramComponent:
     """A program as a component. Once it has failed it is ended, and every later call raises the same again."""
 
     def __init__(self, modelled: Modelled, part: ProgramPart, values: Mapping[str, object], case_id: str, seed: int,
@@ -50,7 +50,7 @@ class Program:
         self._case = {"case": case_id, "seed": seed, "values": dict(values)}
         self._key = (part.command, part.folder, tuple(sorted(part.environment.items())), part.socket, self.name)
         self._command = command_of(part, self.name)
-        self._process: Process | None = None
+        self._process: ComponentProcess | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -94,10 +94,10 @@ class Program:
             self._failure = failure(self.name, "must not be used after it was closed", "program-ended")
             keep(self._key, process)
 
-    def _started(self) -> Process:
-        return Process(self._command, self._part, self.name, self._patience)
+    def _started(self) -> ComponentProcess:
+        return ComponentProcess(self._command, self._part, self.name, self._patience)
 
-    def _begin(self, process: Process, is_new: bool) -> None:
+    def _begin(self, process: ComponentProcess, is_new: bool) -> None:
         self._process = process
         if is_new:
             with self._exchange("hello", {"protocol": PROTOCOL, "component": self.name}):
@@ -153,7 +153,7 @@ class Program:
         return int(wake)
 
     @contextlib.contextmanager
-    def _exchange(self, word: str, content: object) -> Iterator[Process]:
+    def _exchange(self, word: str, content: object) -> Iterator[ComponentProcess]:
         """Say a word and hear the answer; whatever goes wrong meanwhile ends the program."""
         process = self._process
         if process is None:
@@ -170,7 +170,7 @@ class Program:
                 raise self._failure from error
             raise
 
-    def _answer(self, process: Process, *words: str) -> tuple[dict[str, Any], bytes]:
+    def _answer(self, process: ComponentProcess, *words: str) -> tuple[dict[str, Any], bytes]:
         """Return the next line, which holds one of the words, and perhaps the time of the next wake."""
         line = process.line()
         try:

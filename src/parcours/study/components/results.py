@@ -21,9 +21,9 @@ from parcours.report.sequences import sequence_chart
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
-from parcours.run.port import Reported
+from parcours.run.port import StepReport
 from parcours.run.trace import SHOWN, Trace
-from parcours.study.components.executing import Functional, Timing
+from parcours.study.components.executing import CaseTiming, Functional
 from parcours.study.components.landing import Glance
 from parcours.study.components.sequence import steps_of
 from parcours.study.protocol import Measure
@@ -79,7 +79,7 @@ class ComponentResults:
     instances: str = PER_VISIT  # of a component, in a functional case
 
 
-def component_results(host: str, functional: Sequence[Functional], timing: Sequence[Timing]) -> ComponentResults:
+def component_results(host: str, functional: Sequence[Functional], timing: Sequence[CaseTiming]) -> ComponentResults:
     """Return the judged component cases of a run."""
     results = [functional_result(run) for run in functional] + [timing_result(timed) for timed in timing]
     return ComponentResults(host, tuple(results), {timed.group: timed.noise for timed in timing})
@@ -94,7 +94,7 @@ def functional_result(run: Functional) -> ComponentResult:
     )
 
 
-def timing_result(timed: Timing) -> ComponentResult:
+def timing_result(timed: CaseTiming) -> ComponentResult:
     """Return the result of a timing case."""
     verdict, why = str(timed.judgement.verdict), timed.judgement.why
     return ComponentResult(timed.case.id, timed.group, verdict, why, str(timed.bound), timed.durations)
@@ -350,7 +350,7 @@ def event_rows(trace: Trace) -> tuple[tuple[str | int, ...], ...]:
 
 
 def _shown(payload: object) -> str:
-    if isinstance(payload, Reported):
+    if isinstance(payload, StepReport):
         payload = dict(payload.variables) or None
     if payload is None:
         return ""

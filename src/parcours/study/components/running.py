@@ -21,7 +21,7 @@ from parcours.run.trace import Trace, TraceEvent
 from parcours.study.carrying import require_carried
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
-from parcours.study.components.executing import Execute, Exercise, Functional, Timing, TimingGroup
+from parcours.study.components.executing import CaseTiming, Execute, Exercise, Functional, TimingGroup
 from parcours.study.components.isolation import Done, longest, run_apart, watched
 from parcours.study.components.landing import glance
 from parcours.study.components.painting import machine_pieces
@@ -178,7 +178,7 @@ def _timings(
         yield _kept(timing, archive)
 
 
-def _kept(run: Functional | Timing, archive: Archive | None) -> Kept:
+def _kept(run: Functional | CaseTiming, archive: Archive | None) -> Kept:
     """Record a case if recordings are kept, and return its result."""
     if isinstance(run, Functional):
         if archive is not None:

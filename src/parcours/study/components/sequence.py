@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 from parcours.abtc import Event
 from parcours.model.structure import Cefsm
-from parcours.report.sequences import Step
+from parcours.report.sequences import ChartRow
 from parcours.run.trace import Trace
 
 _TESTER = "environment"
 
 
-def steps_of(trace: Trace) -> list[Step]:
+def steps_of(trace: Trace) -> list[ChartRow]:
     """Return the steps of a trace: messages where they are received, transitions, losses, deviations.
 
     Messages of a channel are received in the order in which they were sent; those that nobody received come last.
@@ -29,19 +29,21 @@ def steps_of(trace: Trace) -> list[Step]:
                 queue[-1] = (queue[-1][0], True)
             case "receive":
                 sender, held = queue.popleft() if queue else (_TESTER, False)
-                steps.append(Step("message", sender, event.channel, event.component, held))
+                steps.append(ChartRow("message", sender, event.channel, event.component, held))
             case "take":
-                steps.append(Step("deed", event.component, event.transition))
+                steps.append(ChartRow("deed", event.component, event.transition))
             case "deviation":
-                steps.append(Step("wrong", event.component or _TESTER, event.text))
+                steps.append(ChartRow("wrong", event.component or _TESTER, event.text))
             case "drop":
-                steps.append(Step("lost", event.component or _TESTER, f"{event.channel}: lost"))
-    lost = [Step("lost", sender, f"{channel}: not received") for channel, queue in sent.items() for sender, _ in queue]
+                steps.append(ChartRow("lost", event.component or _TESTER, f"{event.channel}: lost"))
+    lost = [
+        ChartRow("lost", sender, f"{channel}: not received") for channel, queue in sent.items() for sender, _ in queue
+    ]
     wrong = steps[-1:] if steps and steps[-1].kind == "wrong" else []
     return [*steps[: len(steps) - len(wrong)], *lost, *wrong]
 
 
-def steps_to_be(cefsm: Cefsm, events: Sequence[Event]) -> list[Step]:
+def steps_to_be(cefsm: Cefsm, events: Sequence[Event]) -> list[ChartRow]:
     """Return the steps of an abstract case: each transition in its order, with the message that it takes up."""
     names = [f"{event.component}#{event.reference}" for event in events]
     sent: defaultdict[str, deque[str]] = defaultdict(deque)
@@ -50,8 +52,8 @@ def steps_to_be(cefsm: Cefsm, events: Sequence[Event]) -> list[Step]:
         transition = cefsm.transition(event.transition)[2]
         if transition.event is not None:
             queue = sent[transition.event.channel]
-            steps.append(Step("message", queue.popleft() if queue else _TESTER, transition.event.channel, name))
-        steps.append(Step("deed", name, event.transition))
+            steps.append(ChartRow("message", queue.popleft() if queue else _TESTER, transition.event.channel, name))
+        steps.append(ChartRow("deed", name, event.transition))
         for send in transition.sends:
             sent[send.channel].append(name)
     return steps

@@ -22,7 +22,7 @@ from parcours.errors import HostFailure, one_of
 
 if TYPE_CHECKING:
     from parcours.model.structure import Component as Modelled
-    from parcours.run.port import Component, Reported, Send, Step
+    from parcours.run.port import Component, Send, Step, StepReport
 
 MOST_SENDS = 10_000  # A transition that sends more messages floods its host, and fails
 
@@ -33,7 +33,7 @@ class Took:
 
     transition: str
     sends: tuple[Send, ...] = ()
-    reported: Reported | None = field(default=None, compare=False, repr=False)
+    reported: StepReport | None = field(default=None, compare=False, repr=False)
 
 
 def took(transition: str, *sends: Send, **messages: object) -> Took:
@@ -117,12 +117,12 @@ class Simple:
             require_allowed(step, self.name, self._transitions if step.transition else {step.transition})
             yield replace(step, reported=self._reported()) if step.reported is None else step
 
-    def _reported(self) -> Reported:
+    def _reported(self) -> StepReport:
         """Return the model's variables that the object has as attributes of the same names."""
-        from parcours.run.port import Reported
+        from parcours.run.port import StepReport
 
         found = {name: getattr(self._object, name, None) for name in self._variables}
-        return Reported({name: value for name, value in found.items() if isinstance(value, bool | int | float | str)})
+        return StepReport({name: value for name, value in found.items() if isinstance(value, bool | int | float | str)})
 
 
 def require_allowed(step: Took, component: str, transitions: Collection[str]) -> None:

@@ -33,7 +33,7 @@ from parcours.model.expression import (
 from parcours.model.scope import Scopes, is_local, variable_type
 from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
 from parcours.study.components.conditions import Conditions, solved
-from parcours.study.components.messages import Messages, Plain
+from parcours.study.components.messages import ModelMessages, Plain
 
 # Channel or transition -> field or input variable -> formula over test inputs and parameters
 Formulas = Mapping[str, Mapping[str, Expression]]
@@ -67,7 +67,7 @@ class Chooser:
     """Chooses the stimuli of a model's cases."""
 
     def __init__(
-        self, cefsm: Cefsm, messages: Messages, supply: Formulas, inputs: Formulas,
+        self, cefsm: Cefsm, messages: ModelMessages, supply: Formulas, inputs: Formulas,
         limits: Mapping[str, tuple[float, float]],
     ) -> None:  # fmt: skip
         self._messages, self._supply, self._inputs, self._limits = messages, supply, inputs, limits

@@ -31,11 +31,11 @@ from parcours.errors import BadSuite
 from parcours.model.structure import Cefsm
 from parcours.run.in_process import View
 from parcours.run.port import links
-from parcours.run.recording import Codec as RecordingCodec
+from parcours.run.recording import PayloadCodec as RecordingCodec
 from parcours.run.trace import Trace, durations
 from parcours.study import protocol
 from parcours.study.components.executing import Exercise, TimingGroup, whole_case
-from parcours.study.components.messages import Messages
+from parcours.study.components.messages import ModelMessages
 from parcours.study.components.options import host_parameters
 from parcours.study.components.references import Relation
 from parcours.study.components.results import PER_CASE
@@ -47,7 +47,7 @@ from parcours.study.components.tester import StudyTester, Tester
 from parcours.study.hosting import Nodes
 from parcours.study.loading import members_of
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
-from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Results, Run, StudyFinding
 from parcours.suite import Case, Plan, combine
 from parcours.verdict.conformance import NOTHING, Allowance
 from parcours.verdict.contracts import contracts_of, plain
@@ -140,9 +140,9 @@ class ComponentStudy:
         return self._selection.untaken
 
     @functools.cached_property
-    def messages(self) -> Messages:
+    def messages(self) -> ModelMessages:
         """The messages of the model."""
-        return Messages(self.model)
+        return ModelMessages(self.model)
 
     @functools.cached_property
     def _chooser(self) -> Chooser:
@@ -380,7 +380,7 @@ class ComponentStudy:
 
         return strike(self, request, progress)
 
-    def check(self, progress: Progress) -> Sequence[Finding]:
+    def check(self, progress: Progress) -> Sequence[StudyFinding]:
         """Run the battery for its author."""
         from parcours.study.components.battery import check_study
 

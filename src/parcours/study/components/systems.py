@@ -83,9 +83,9 @@ class ProgramPart:
 
     def component(self, modelled: Modelled, case: Case, settings: Settings, patience: float) -> Component:
         """Return the component that the program is; the process is started, or one that is idle is used again."""
-        from parcours.study.components.program import Program
+        from parcours.study.components.program import ProgramComponent
 
-        return Program(modelled, self, settings, case.id, case.seed, patience)
+        return ProgramComponent(modelled, self, settings, case.id, case.seed, patience)
 
 
 Part = PythonPart | FunctionsPart | ProgramPart

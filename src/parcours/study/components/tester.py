@@ -13,7 +13,7 @@ import msgspec
 
 from parcours.abtc import Event
 from parcours.model.structure import Component as Modelled
-from parcours.run.hosts.live_enforcement import Stimuli
+from parcours.run.hosts.live_enforcement import LiveStimuli
 from parcours.run.port import Component, Send, Step
 from parcours.study.components.messages import INPUTS
 from parcours.study.components.stimuli import Stimulus
@@ -22,7 +22,7 @@ from parcours.study.parameters import Scalar, Settings
 from parcours.suite import Case
 
 
-class Tester(Stimuli, Protocol):
+class Tester(LiveStimuli, Protocol):
     """Everything that one case needs from outside its components."""
 
     def component(self, name: str) -> Component:

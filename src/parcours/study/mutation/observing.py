@@ -33,7 +33,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 
 if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
-    from parcours.run.recording import Codec
+    from parcours.run.recording import PayloadCodec
     from parcours.study.campaign.study import CampaignStudy
     from parcours.study.components.faults import Strike
     from parcours.study.components.study import ComponentStudy
@@ -211,7 +211,7 @@ def strikes_of(study: ComponentStudy) -> Iterator[tuple[str, Strike]]:
 class Struck:
     """The first message that a component takes up on a channel: lost, given to it twice, or with one field changed."""
 
-    def __init__(self, strike: Strike, codec: Codec, seed: int) -> None:
+    def __init__(self, strike: Strike, codec: PayloadCodec, seed: int) -> None:
         self._strike, self._codec, self._seed = strike, codec, seed
         self.done = False
 

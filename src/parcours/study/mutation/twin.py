@@ -13,13 +13,13 @@ from parcours.errors import ParcoursError
 from parcours.run.trace import Trace, TraceEvent
 
 if TYPE_CHECKING:
-    from parcours.run.recording import Codec
+    from parcours.run.recording import PayloadCodec
 
 View = Callable[[str, object], Mapping[str, object] | None]
 _SHORT = 60  # characters of a value that are shown
 
 
-def print_of(trace: Trace, codec: Codec) -> bytes:
+def print_of(trace: Trace, codec: PayloadCodec) -> bytes:
     """Return a digest of what a trace says and of its payloads' bytes; times are left out."""
     digest = hashlib.sha256()
     for event in trace.events:
@@ -30,7 +30,7 @@ def print_of(trace: Trace, codec: Codec) -> bytes:
     return digest.digest()[:16]
 
 
-def _flat(codec: Codec, channel: str, payload: object) -> Sequence[object]:
+def _flat(codec: PayloadCodec, channel: str, payload: object) -> Sequence[object]:
     try:
         return codec.flatten(channel, payload)
     except (ParcoursError, TypeError, ValueError, AttributeError, KeyError, IndexError, OverflowError):
@@ -43,7 +43,7 @@ def _add(digest: Any, values: Sequence[object]) -> None:
         digest.update(b"\2")
 
 
-def difference_of(original: Trace, mutant: Trace, codec: Codec, view: View) -> str:
+def difference_of(original: Trace, mutant: Trace, codec: PayloadCodec, view: View) -> str:
     """Return the first event of a mutant that differs from the original's, and in which field of its message.
 
     Args:

@@ -13,10 +13,10 @@ from parcours.model.structure import Cefsm
 from parcours.run.trace import BESIDE, TraceEvent
 from parcours.verdict.conformance.behaviour import Allowance
 from parcours.verdict.conformance.channels import Channels
-from parcours.verdict.conformance.findings import Deviation, Expectation
+from parcours.verdict.conformance.findings import Expectation, TraceDeviation
 from parcours.verdict.conformance.silence import Debts
 from parcours.verdict.conformance.tracking import Observes, StateSet, Successor, Tracker, trackers
-from parcours.verdict.contracts import Monitor, Tally, View, Violation, contracts_of
+from parcours.verdict.contracts import ContractMonitor, Tally, View, Violation, contracts_of
 
 Fields = View
 """Reads the model's fields from a payload: (channel, payload) -> field -> value; None if they cannot be seen."""
@@ -94,14 +94,14 @@ class Checker:
         self._followed = named or self.components
         self._instances: dict[str, _Instance | None] = {}
         self._channels = Channels(cefsm)
-        self._monitor = Monitor(contracts_of(cefsm), data or fields)
+        self._monitor = ContractMonitor(contracts_of(cefsm), data or fields)
         self._time, self._position = 0, -1
-        self.deviation: Deviation | None = None
+        self.deviation: TraceDeviation | None = None
         self.n_outside = 0
         for name in sorted(named):
             self._instance(name)
 
-    def observe(self, event: TraceEvent) -> Deviation | None:
+    def observe(self, event: TraceEvent) -> TraceDeviation | None:
         """Take note of an event and return the first deviation so far.
 
         Args:
@@ -148,7 +148,7 @@ class Checker:
         followed = [each for each in self._instances.values() if each is not None]
         return tuple(sorted({one for each in followed for one in each.tracker.expected(each.node)}, key=str))
 
-    def quiet(self, until: int) -> Deviation | None:
+    def quiet(self, until: int) -> TraceDeviation | None:
         """Take note that nothing else happened before the time `until` [ns]; return the first deviation so far."""
         if self.deviation is None and self._debts is not None and until > self._debts.deadline:
             self._position += 1
@@ -184,7 +184,7 @@ class Checker:
         rule = f"nothing came on {channel} within {debts.timeouts[channel] / 1e6:g} ms, but must"
         self._deviates(self._instance(name), None, rule, time=due)
 
-    def finish(self, until: int | None = None) -> Deviation | None:
+    def finish(self, until: int | None = None) -> TraceDeviation | None:
         """Take note that the trace is over, at the time `until` [ns] if given; return the first deviation.
 
         What a transition taken last still had to send is missing then.
@@ -294,10 +294,10 @@ class Checker:
         at = self._time if time is None else time
         if instance is None:
             name = event.component if event is not None else ""
-            self.deviation = Deviation(self._position, at, name, event, rule, (), ())
+            self.deviation = TraceDeviation(self._position, at, name, event, rule, (), ())
             return
         expected, path = instance.tracker.expected(instance.node), tuple(instance.path)
-        self.deviation = Deviation(self._position, at, instance.name, event, rule, expected, path, instance.doubt)
+        self.deviation = TraceDeviation(self._position, at, instance.name, event, rule, expected, path, instance.doubt)
 
 
 def _owed(instance: _Instance) -> list[str]:

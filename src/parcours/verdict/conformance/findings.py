@@ -29,7 +29,7 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
+class TraceDeviation:
     """The first point at which a trace leaves what the model allows.
 
     Attributes:
@@ -74,7 +74,7 @@ class Conformance:
     """
 
     judgement: Judgement
-    deviation: Deviation | None
+    deviation: TraceDeviation | None
     n_events: int
     n_outside: int = 0
 

@@ -18,7 +18,7 @@ from parcours_ramp.components.references.numbers import (
     Floats,
     Numbers,
     Profile,
-    UndecidedError,
+    RoundingDecidesError,
     told,
     unit,
     wrapped,
@@ -79,7 +79,7 @@ def trajectory(path: Message, start: Message, kind: str, n: Numbers) -> Message 
     knots = [complex(one["x"], one["y"]) for one in path["points"]]
     try:
         way = plan(knots, complex(start["x"], start["y"]), start["heading"], start["v"], kind, n)
-    except UndecidedError:
+    except RoundingDecidesError:
         return None
     driven = profiles(way, n)
     ends = list(itertools.accumulate(one.lasts for one in driven))

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Places = NDArray[np.complex128]
 
 
-class UndecidedError(Exception):
+class RoundingDecidesError(Exception):
     """Rounding decides: it turns by pi, to either side, or looks for a place that it is at."""
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal
 
-from parcours_ramp.components.references.numbers import SAMPLE, Numbers, Profile, UndecidedError, unit, wrapped
+from parcours_ramp.components.references.numbers import SAMPLE, Numbers, Profile, RoundingDecidesError, unit, wrapped
 
 NEAR = 0.01  # [m], [rad], [m/s]
 GENTLE = 0.3  # Up to here a change of heading needs no stop [rad]
@@ -58,7 +58,7 @@ class Way:
     def spin(self, at: complex, heading: float, turn: float) -> None:
         """Turn on the spot. Raises UndecidedError: by half a turn, to either side."""
         if math.pi - abs(turn) < 1e-7:
-            raise UndecidedError
+            raise RoundingDecidesError
         self.pieces.append(Piece("spin", at, heading, unit(heading), abs(turn), 0.0, turn=turn))
 
     def corner(self, at: complex, heading: float, towards: complex, arm: float, turn: float, leaving: complex,
@@ -100,7 +100,7 @@ def rounded(before: float, after: float, turn: float, v: float, early: bool, n: 
     """
     shorter = min(before, after)
     if abs(shorter - SHORTEST) < _OPEN:  # switches come at such distances before a knot: rounding decides
-        raise UndecidedError
+        raise RoundingDecidesError
     if shorter < SHORTEST:
         return 0.0, 0.0
     shares = [0.10 + 0.05 * k for k in range(16)]
@@ -135,7 +135,7 @@ def lay(knots: list[complex], start: complex, heading: float, speed: float, kind
         at = at + braking * unit(heading)
         to = knots[k] - at
         if abs(to) < _OPEN:  # it looks for a knot that it has come to rest on
-            raise UndecidedError
+            raise RoundingDecidesError
         turn = wrapped(cmath.phase(to) - heading)
         way.spin(at, heading, turn)
         heading = wrapped(heading + turn)

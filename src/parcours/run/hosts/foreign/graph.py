@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
-from parcours.run.binding import Binding, Graph, MessageTypes
+from parcours.run.binding import Binding, MessageTypes, RegisteredGraph
 from parcours.run.binding.passing import Answered
-from parcours.run.binding.slots import Slot
+from parcours.run.binding.slots import ProcessSlot
 from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.recording import Raw
 
 
-class End(Protocol):
+class TesterEnd(Protocol):
     """The tester's end of a topic."""
 
     @property
@@ -24,14 +24,14 @@ class End(Protocol):
         """The full names of the nodes at the other end to which it is connected."""
 
 
-class Sender(End, Protocol):
+class TesterPublisher(TesterEnd, Protocol):
     """The end that publishes."""
 
     def send(self, data: bytes) -> int:
         """Publish; return to how many listeners the message was lost."""
 
 
-class Caller(Protocol):
+class TesterClient(Protocol):
     """The end of a service that calls."""
 
     @property
@@ -67,16 +67,16 @@ class ForeignGraph(Protocol):
 
     # Topics and services. The same end is returned if it is there already.
 
-    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> Sender | None:
+    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> TesterPublisher | None:
         """Publish a topic in the quality of the publishers of `like`, if any; None while the type is unknown."""
 
-    def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> End:
+    def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> TesterEnd:
         """Call `heard` with each message of a topic."""
 
     def serve(self, service: str, type_: str, asked: Callable[[bytes, Reply], None]) -> None:
         """Call `asked` with each request. Raises HostFailure if the type is unknown."""
 
-    def call(self, service: str, type_: str) -> Caller:
+    def call(self, service: str, type_: str) -> TesterClient:
         """Return what calls a service. Raises HostFailure if the type is unknown."""
 
     def leave(self, topic: str) -> None:
@@ -98,7 +98,7 @@ class ForeignGraph(Protocol):
 
     # Who is there.
 
-    def state(self, services: Collection[str] = ()) -> Graph:
+    def state(self, services: Collection[str] = ()) -> RegisteredGraph:
         """Return who is there without the tester; types of these services, too."""
 
     def answers(self, node: str) -> bool:
@@ -112,7 +112,7 @@ class ForeignGraph(Protocol):
     def declare(self, values: Mapping[str, Value]) -> None:
         """Set parameters before any node starts."""
 
-    def arguments(self, slot: Slot) -> tuple[str, ...]:
+    def arguments(self, slot: ProcessSlot) -> tuple[str, ...]:
         """Return what is appended to the command of a slot's node."""
 
     def parameter(self, key: str) -> Any:

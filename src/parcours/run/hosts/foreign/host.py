@@ -16,9 +16,9 @@ from parcours.run.binding import Binding, Compiled, compile_binding
 from parcours.run.binding.actions import STATUS, WIRE
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
-from parcours.run.binding.slots import Slot, SlotPlan, Spoke
+from parcours.run.binding.slots import ProcessSlot, SlotPlan, Spoke
 from parcours.run.binding.structure import BoundChannel
-from parcours.run.hosts.foreign.graph import Caller, End, ForeignGraph, Sender, open_graph
+from parcours.run.hosts.foreign.graph import ForeignGraph, TesterClient, TesterEnd, TesterPublisher, open_graph
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.scheduling import NODE_PRIORITY
@@ -51,10 +51,10 @@ class ForeignHost:
 
     def __init__(self, binding: Binding, folder: Path, master: str = "") -> None:
         self.binding, self.folder, self._master = binding, folder, master
-        self.running: dict[str, tuple[Slot, KeptProcess]] = {}
+        self.running: dict[str, tuple[ProcessSlot, KeptProcess]] = {}
         self._owner: dict[str, Owner] = {}
-        self._listeners: dict[str, End] = {}
-        self._callers: dict[str, Caller] = {}
+        self._listeners: dict[str, TesterEnd] = {}
+        self._callers: dict[str, TesterClient] = {}
         self._waiting: list[tuple[Spoke, bytes, Answered]] = []
         self._like: dict[str, str] = {}
         self._kinds: dict[str, Raw] = {}
@@ -102,7 +102,7 @@ class ForeignHost:
 
     # Processes.
 
-    def start(self, slots: list[Slot]) -> None:
+    def start(self, slots: list[ProcessSlot]) -> None:
         """Start the processes of slots that the tester starts, all at once; those that run already go on.
 
         Raises HostFailure if a command cannot be run.
@@ -216,7 +216,7 @@ class ForeignHost:
         if owner is not None:
             owner[0](owner[2], data)
 
-    def publisher(self, spoke: Spoke) -> Sender | None:
+    def publisher(self, spoke: Spoke) -> TesterPublisher | None:
         """Return where the tester publishes; None while the type is unknown."""
         channel = self.binding.channel(spoke.channels[0])
         like = self._like.get(spoke.address, "")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from parcours.errors import HostFailure
 from parcours.model.structure import Cefsm
-from parcours.run.binding import Binding, Graph, MessageTypes
+from parcours.run.binding import Binding, MessageTypes, RegisteredGraph
 from parcours.run.binding.structure import Transport
 from parcours.run.hosts.foreign.graph import open_graph
 
@@ -31,7 +31,7 @@ def address(master: str) -> str:
 
 def graph_that_runs(
     transport: Transport, master: str = "", interfaces: Sequence[Path] = ()
-) -> tuple[Graph, MessageTypes]:
+) -> tuple[RegisteredGraph, MessageTypes]:
     """Return who is there, with the types of all services, and the message types that are known here.
 
     Args:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from parcours.errors import HostFailure
 from parcours.model.finding import Finding
 from parcours.run.binding import structure
-from parcours.run.binding.graph import Graph, graph_findings
+from parcours.run.binding.graph import RegisteredGraph, graph_findings
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.slots import Slot, SlotPlan
-from parcours.run.binding.structure import Ready
+from parcours.run.binding.slots import ProcessSlot, SlotPlan
+from parcours.run.binding.structure import ReadyWhen
 from parcours.run.hosts.foreign.host import ForeignHost
 
 _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
@@ -29,16 +29,16 @@ class Readiness:
     def __init__(self, host: ForeignHost, slot_plan: SlotPlan, relay: Relay, now: Callable[[], int]) -> None:
         self._host, self._seating, self._relay, self._now = host, slot_plan, relay, now
         self._began: dict[str, int] = {}
-        self._waiting: dict[str, list[Ready]] = {}
-        self._looked, self._changed, self._state, self._worked = 0, 0, Graph(), 0.0
+        self._waiting: dict[str, list[ReadyWhen]] = {}
+        self._looked, self._changed, self._state, self._worked = 0, 0, RegisteredGraph(), 0.0
 
-    def begin(self, slots: Iterable[Slot]) -> None:
+    def begin(self, slots: Iterable[ProcessSlot]) -> None:
         """Wait for these, too, from now on."""
         self._changed = self._now()
         for slot in slots:
             self._began[slot.name], self._waiting[slot.name] = self._now(), list(slot.node.ready)
 
-    def startable(self) -> list[Slot]:
+    def startable(self) -> list[ProcessSlot]:
         """Return the slots that are not started, whose predecessors are ready."""
         done = {slot.node.name for slot in self._seating.slots} - {
             slot.node.name for slot in self._seating.slots if self._waiting.get(slot.name, [1])
@@ -72,7 +72,7 @@ class Readiness:
             raise self.complaint(late)
         return False
 
-    def _has_settled(self, begun: list[Slot]) -> bool:
+    def _has_settled(self, begun: list[ProcessSlot]) -> bool:
         """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
         now = self._now()
         if now - max(self._began.values()) < _EARLIEST or now - self._looked < _LOOK:
@@ -97,7 +97,7 @@ class Readiness:
         self._state, self._worked = state, worked
         return now - self._changed > _SAME and bool(self.findings())
 
-    def _holds(self, slot: Slot, one: Ready) -> bool:
+    def _holds(self, slot: ProcessSlot, one: ReadyWhen) -> bool:
         host = self._host
         match one.kind:
             case "bound":
@@ -124,7 +124,7 @@ class Readiness:
         tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
         return any(table.get(one.name) for table in tables)
 
-    def complaint(self, late: list[tuple[Slot, Ready]]) -> HostFailure:
+    def complaint(self, late: list[tuple[ProcessSlot, ReadyWhen]]) -> HostFailure:
         """Return what is missing by now; `late` is what has not come in its time."""
         where = self._host.binding.source or self._host.binding.name
         absent = [(slot, one) for slot, one in late if slot.ros_node and not self._host.graph.answers(slot.ros_node)]
@@ -157,5 +157,5 @@ class Readiness:
         return graph_findings(binding, self._host.graph.state(services), self._seating)
 
 
-def _said(one: Ready) -> str:
+def _said(one: ReadyWhen) -> str:
     return "all that is bound to it" if one.kind == "bound" else f"{one.kind} {one.name or one.value}"

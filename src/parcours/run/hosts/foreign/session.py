@@ -14,9 +14,9 @@ from typing import cast
 from parcours.errors import HostFailure
 from parcours.run.binding.passing import BEGINS, SCHEDULED, STALLED
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.slots import Slot, SlotPlan
+from parcours.run.binding.slots import ProcessSlot, SlotPlan
 from parcours.run.faults import FaultPlan
-from parcours.run.faults.effects import Signal, signals
+from parcours.run.faults.effects import ProcessSignal, signals
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.foreign.readiness import Readiness
@@ -166,7 +166,7 @@ class Session:
         self.relay.agenda.do_what_is_due()
         self._see_deaths()
 
-    def _processes(self) -> Iterator[tuple[Slot, KeptProcess]]:
+    def _processes(self) -> Iterator[tuple[ProcessSlot, KeptProcess]]:
         for slot in self.slot_plan.slots:
             if slot.name in self.host.running:
                 yield slot, self.host.running[slot.name][1]
@@ -178,11 +178,11 @@ class Session:
             if not process.is_alive:
                 self._bury(slot, process.how(self.zero + self.case_began), process.ended - self.zero)
         for name, when in list(self._lost.items()):
-            slot = cast(Slot, self.slot_plan.slot(name))
+            slot = cast(ProcessSlot, self.slot_plan.slot(name))
             since = f" since {max(when - self.case_began, 0) * 1e-9:.3f} s"
             self._bury(slot, f"{slot.ros_node} does not answer any more{since}", when)
 
-    def _bury(self, slot: Slot, how: str, when: int) -> None:
+    def _bury(self, slot: ProcessSlot, how: str, when: int) -> None:
         launched = self.host.binding.launched_by(slot.node)
         for one in self.slot_plan.slots if launched else ():
             if one.node in launched:
@@ -212,31 +212,31 @@ class Session:
         self._pinging = threading.Thread(target=ping, daemon=True, name="foreign-ping")
         self._pinging.start()
 
-    def hold(self, slot: Slot) -> bool:
+    def hold(self, slot: ProcessSlot) -> bool:
         """Stop a slot's process, and return whether all of it stands."""
         self.act(slot, "stop")
         return slot.name in self.host.running and self.host.running[slot.name][1].await_stop()
 
-    def effort(self, slot: Slot) -> int:
+    def effort(self, slot: ProcessSlot) -> int:
         """Return the processor time of a slot's process [ns], negative if the tester has not started it."""
         return self.host.running[slot.name][1].effort() if slot.name in self.host.running else -1
 
-    def rests(self, slot: Slot, since: int) -> bool:
+    def rests(self, slot: ProcessSlot, since: int) -> bool:
         """Return whether a slot's process has worked since that `effort`, and waits now; also if it has ended."""
         process = self.host.running[slot.name][1]
         return process.rests(since) or not process.is_alive
 
-    def act(self, slot: Slot, what: str) -> None:
+    def act(self, slot: ProcessSlot, what: str) -> None:
         """Stop, continue or kill a slot's process, if the tester has started it."""
         if slot.name in self.host.running:
             self.host.running[slot.name][1].act(what)  # type: ignore[arg-type]
 
-    def _next_signal(self, slot: Slot, component: str, coming: Iterator[Signal]) -> None:
+    def _next_signal(self, slot: ProcessSlot, component: str, coming: Iterator[ProcessSignal]) -> None:
         one = next(coming, None)
         if one is not None:
             self.relay.agenda.at(self.case_began + one.time, lambda: self._strike(slot, component, one, coming))
 
-    def _strike(self, slot: Slot, component: str, one: Signal, coming: Iterator[Signal]) -> None:
+    def _strike(self, slot: ProcessSlot, component: str, one: ProcessSignal, coming: Iterator[ProcessSignal]) -> None:
         name = slot.component(component)
         if name not in self.deaths:
             self.act(slot, one.act)

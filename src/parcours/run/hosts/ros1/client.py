@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.graph_line import Reply
-from parcours.run.hosts.ros1.ends import ANY, WITHIN, Caller, Kind, Publisher, Server, Subscriber, opened
+from parcours.run.hosts.ros1.ends import ANY, WITHIN, Kind, Ros1Client, Ros1Publisher, Server, Subscriber, opened
 from parcours.run.hosts.ros1.graph import LOOPBACK, Slave, ask, ask_all
 from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Doorway, Stream, write_header
 
@@ -33,7 +33,7 @@ _LAYOUT = 8
 Heard = Callable[[bytes, bytes], None]
 
 
-class Client:
+class Ros1Node:
     """A name on the graph, on loopback."""
 
     def __init__(self, name: str, master: str, refused: Callable[[str], None] = lambda text: None,
@@ -41,7 +41,7 @@ class Client:
         self.name, self.master, self._refused, self.frame_kind = name, master, refused, frame_kind
         self.is_ended = False
         """Whether a tool of the graph has ordered it to shut down (rosnode kill)."""
-        self.publishers: dict[str, Publisher] = {}
+        self.publishers: dict[str, Ros1Publisher] = {}
         self.subscribers: dict[str, Subscriber] = {}
         self.servers: dict[str, Server] = {}
         self._streams: dict[int, tuple[Stream, Heard, Callable[[], None]]] = {}
@@ -64,9 +64,9 @@ class Client:
 
     # What it offers and wants, registered at the master by `join`, or by the next `spin`.
 
-    def publish(self, topic: str, kind: Kind, peer: str = "", *, queue: int = 16, latch: bool = False) -> Publisher:
-        """Offer a topic; see `Publisher`."""
-        publisher = self.publishers[topic] = Publisher(self, topic, kind, queue, latch, peer)
+    def publish(self, topic: str, kind: Kind, peer: str = "", *, queue: int = 16, latch: bool = False) -> Ros1Publisher:
+        """Offer a topic; see `Ros1Publisher`."""
+        publisher = self.publishers[topic] = Ros1Publisher(self, topic, kind, queue, latch, peer)
         self._unregistered.append(("registerPublisher", (self.name, topic, kind.type, self.uri)))
         return publisher
 
@@ -83,9 +83,9 @@ class Client:
         self.servers[service] = Server(service, kind, asked, peer)
         self._unregistered.insert(0, ("registerService", (self.name, service, self._at, self.uri)))
 
-    def call(self, service: str, kind: Kind, lanes: int = 1) -> Caller:
+    def call(self, service: str, kind: Kind, lanes: int = 1) -> Ros1Client:
         """Return what calls a service; nothing is connected yet."""
-        return Caller(self, service, kind, lanes)
+        return Ros1Client(self, service, kind, lanes)
 
     # One frame per message, also where several are sent together: the Google Test export's C++ reads the same.
 

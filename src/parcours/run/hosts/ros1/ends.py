@@ -16,7 +16,7 @@ from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.streams import ANSWERED, Stream, read_header, write_header
 
 if TYPE_CHECKING:
-    from parcours.run.hosts.ros1.client import Client
+    from parcours.run.hosts.ros1.client import Ros1Node
 
 ANY = "*"
 """As a type or an md5 sum: any."""
@@ -48,7 +48,7 @@ class Kind:
         return fields | ({"message_definition": self.definition} if self.definition else {})
 
 
-class Publisher:
+class Ros1Publisher:
     """A topic that is published.
 
     Args:
@@ -60,7 +60,7 @@ class Publisher:
         reader: name of the reader that misses nothing, however slow.
     """
 
-    def __init__(self, owner: Client, topic: str, kind: Kind, queue: int, latch: bool, reader: str) -> None:
+    def __init__(self, owner: Ros1Node, topic: str, kind: Kind, queue: int, latch: bool, reader: str) -> None:
         self.topic, self.kind, self.latch = topic, kind, latch
         self._owner, self._queue, self._reader = owner, queue, reader
         self._lock = threading.Lock()
@@ -162,7 +162,7 @@ class Server:
     client: str
 
 
-class Caller:
+class Ros1Client:
     """A service that is called over lasting connections; one that broke is made again.
 
     Args:
@@ -173,7 +173,7 @@ class Caller:
             without waiting, so that requests and responses keep their order.
     """
 
-    def __init__(self, owner: Client, service: str, kind: Kind, lanes: int) -> None:
+    def __init__(self, owner: Ros1Node, service: str, kind: Kind, lanes: int) -> None:
         self._owner, self._service, self._kind, self._lanes = owner, service, kind, lanes
         self._open: dict[Stream, deque[Answered]] = {}
 

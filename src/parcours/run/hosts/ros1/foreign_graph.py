@@ -7,13 +7,13 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from parcours.errors import HostFailure
-from parcours.run.binding import Binding, Graph, MessageTypes
-from parcours.run.binding.slots import Slot
+from parcours.run.binding import Binding, MessageTypes, RegisteredGraph
+from parcours.run.binding.slots import ProcessSlot
 from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.interfaces import TESTER
-from parcours.run.hosts.ros1.client import Client
-from parcours.run.hosts.ros1.ends import ANY, WITHIN, Caller, Kind, Publisher, Subscriber, called
+from parcours.run.hosts.ros1.client import Ros1Node
+from parcours.run.hosts.ros1.ends import ANY, WITHIN, Kind, Ros1Client, Ros1Publisher, Subscriber, called
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 from parcours.run.hosts.ros1.graph import LOOPBACK, ask, ask_all, leave
 from parcours.run.hosts.ros1.master import Master, require_master
@@ -52,7 +52,7 @@ class Ros1Graph:
         self._known = ForeignTypes(binding.python_paths, binding.interfaces)
         self.types = MessageTypes(self._known.find)
         self.refusals: list[str] = []
-        self._callers: dict[str, Caller] = {}
+        self._callers: dict[str, Ros1Client] = {}
         self._closing = contextlib.ExitStack()
         self.environment: Mapping[str, str]
         if master:
@@ -63,7 +63,7 @@ class Ros1Graph:
             own = self._closing.enter_context(Master())
             self._uri, self.environment = own.uri, own.environment
         try:
-            self._client = Client(TESTER, self._uri, self._refused)
+            self._client = Ros1Node(TESTER, self._uri, self._refused)
             self._closing.callback(self._client.close)
         except BaseException:
             self.close()
@@ -86,7 +86,7 @@ class Ros1Graph:
 
     # Ends.
 
-    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> Publisher | None:
+    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> Ros1Publisher | None:
         """Publish a topic; None while the type is unknown."""
         if topic not in self._client.publishers:
             kind = self._known.kind(type_)
@@ -107,7 +107,7 @@ class Ros1Graph:
         if service not in self._client.servers:
             self._client.serve(service, self._service(type_), asked)
 
-    def call(self, service: str, type_: str) -> Caller:
+    def call(self, service: str, type_: str) -> Ros1Client:
         """Return what calls a service."""
         if service not in self._callers:
             self._callers[service] = self._client.call(service, self._service(type_), _LANES)
@@ -129,7 +129,7 @@ class Ros1Graph:
 
     # Who is there.
 
-    def state(self, services: Collection[str] = ()) -> Graph:
+    def state(self, services: Collection[str] = ()) -> RegisteredGraph:
         """Return who publishes, subscribes to and serves what; no master holds the types of services: they are asked.
 
         Raises HostFailure if the master does not answer.
@@ -144,7 +144,7 @@ class Ros1Graph:
                 connection, theirs = called(TESTER, self._uri, header)
                 connection.close()
                 types[service] = theirs.get("type", ANY)
-        return Graph(publishers, subscribers, servers, types)
+        return RegisteredGraph(publishers, subscribers, servers, types)
 
     def answers(self, node: str) -> bool:
         """Return whether a node is registered and answers at its address."""
@@ -167,7 +167,7 @@ class Ros1Graph:
         """Set parameters."""
         ask_all(self._uri, [("setParam", (TESTER, key, plain_value(value))) for key, value in values.items()])
 
-    def arguments(self, slot: Slot) -> tuple[str, ...]:
+    def arguments(self, slot: ProcessSlot) -> tuple[str, ...]:
         """Return a slot's remappings; under another name it gets a copy of the parameters of its own."""
         source, target = slot.node.ros_node, slot.ros_node
         if source and source != target and (values := self.parameter(source)) is not None:

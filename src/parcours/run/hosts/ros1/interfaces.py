@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NoReturn, Protocol
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.interfaces import Interface, Route, routes
+from parcours.run.hosts.interfaces import ChannelRoute, Interface, routes
 from parcours.run.hosts.ros1 import no_ros
 from parcours.run.hosts.ros1.ends import Kind
 
@@ -39,7 +39,7 @@ _CPP = frozenset(
 )
 
 
-class Field(Protocol):
+class FieldOfForm(Protocol):
     """A field of a flat form."""
 
     @property
@@ -65,7 +65,7 @@ def ros_name(field: str) -> str:
 
 
 def write_package(
-    folder: Path, package: str, channels: Sequence[Interface], forms: Mapping[str, Sequence[Field]]
+    folder: Path, package: str, channels: Sequence[Interface], forms: Mapping[str, Sequence[FieldOfForm]]
 ) -> None:
     """Write the .msg and .srv files of the channels, with what their fields mean, and an index.
 
@@ -102,7 +102,7 @@ def write_package(
     (folder / INDEX).write_text(json.dumps(index, indent=1), encoding="utf-8")
 
 
-def _body(one: Interface, form: Sequence[Field]) -> str:
+def _body(one: Interface, form: Sequence[FieldOfForm]) -> str:
     lines = [f"# {one.channel}: {one.sender} -> {one.receiver}, on {one.topic}"]
     taken: set[str] = set()
     for field in form:
@@ -161,7 +161,7 @@ def write_python(folder: Path) -> Path:
     return target.parent
 
 
-def package_routes(folder: Path) -> tuple[Route, ...]:
+def package_routes(folder: Path) -> tuple[ChannelRoute, ...]:
     """Return the routes of a package's channels, with the types that go into connection headers.
 
     Raises HostFailure if there is no such package, or no ROS 1, or two channels share a topic.

@@ -13,14 +13,14 @@ import numpy as np
 
 from parcours.errors import BadRequest, require_known
 from parcours.run.hosts.node_program import NodeProgram
-from parcours.run.hosts.ros1.interfaces import Field
+from parcours.run.hosts.ros1.interfaces import FieldOfForm
 
 _SCALARS = {"float": "d", "int": "q", "bool": "?"}
 _ARRAYS = {"floats": np.dtype("<f8"), "ints": np.dtype("<i8")}
 _ITEM = 8
 
 
-class Packing:
+class MessagePacking:
     """One channel's message.
 
     >>> class Speed:
@@ -32,7 +32,7 @@ class Packing:
     (0.5, array([3, 4]))
     """
 
-    def __init__(self, channel: str, form: Sequence[Field]) -> None:
+    def __init__(self, channel: str, form: Sequence[FieldOfForm]) -> None:
         self._channel, self._n_fields = channel, len(form)
         self._runs: list[tuple[struct.Struct, int, np.dtype[Any] | None]] = []
         scalars = ""
@@ -100,10 +100,10 @@ class Ros1Codec:
         restore: (channel, values) -> payload; raises BadRequest if they make none.
     """
 
-    def __init__(self, forms: Mapping[str, Sequence[Field]], flatten: Callable[[str, Any], Sequence[object]],
+    def __init__(self, forms: Mapping[str, Sequence[FieldOfForm]], flatten: Callable[[str, Any], Sequence[object]],
                  restore: Callable[[str, Sequence[Any]], object]) -> None:  # fmt: skip
         self.forms = forms
-        self._packings = {channel: Packing(channel, form) for channel, form in forms.items()}
+        self._packings = {channel: MessagePacking(channel, form) for channel, form in forms.items()}
         self._flatten, self._restore = flatten, restore
 
     def encode(self, channel: str, payload: object) -> bytes:
@@ -122,7 +122,7 @@ class Ros1Codec:
         """Return the payload of these values. Raises BadRequest if they make none."""
         return self._restore(channel, values)
 
-    def _packing(self, channel: str) -> Packing:
+    def _packing(self, channel: str) -> MessagePacking:
         require_known(channel, tuple(self._packings), "channel", slug="unknown-channel")
         return self._packings[channel]
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from parcours.run.hosts.graph_line import GraphLine
 from parcours.run.hosts.graph_transport import GraphTransport
-from parcours.run.hosts.interfaces import TESTER, Interface, Route, node_name
+from parcours.run.hosts.interfaces import TESTER, ChannelRoute, Interface, node_name
 from parcours.run.hosts.node_program import Node
 from parcours.run.hosts.ros1 import no_ros
-from parcours.run.hosts.ros1.client import Client
+from parcours.run.hosts.ros1.client import Ros1Node
 from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.graph import leave, require_free
 from parcours.run.hosts.ros1.interfaces import package_routes, write_package, write_python
@@ -26,11 +26,11 @@ _MASTER = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class NodePlan:
     """What a node needs to find its place: it is sent to its process."""
 
     master: str
-    routes: tuple[Route, ...]
+    routes: tuple[ChannelRoute, ...]
     frame: Kind
     """What commands and reports travel as."""
 
@@ -44,9 +44,9 @@ def frame_kind() -> Kind:
     return Kind(array._type, array._md5sum, array._full_text)
 
 
-def ros1_line(node: Node, plan: Plan) -> GraphLine:
+def ros1_line(node: Node, plan: NodePlan) -> GraphLine:
     """Return a node's end of the transport. Raises HostFailure if master or tester is not there."""
-    participant = Client(node_name(node.component), plan.master, frame_kind=plan.frame)
+    participant = Ros1Node(node_name(node.component), plan.master, frame_kind=plan.frame)
     return GraphLine(node.component, plan.routes, participant)
 
 
@@ -82,6 +82,6 @@ class Ros1Transport(GraphTransport):
             require_free(self.master, names)
             if master is not None:
                 self._closing.callback(leave, self.master, names)
-            plan = Plan(self.master, routes, frame_kind())
-            participant = Client(TESTER, self.master, self.refusals.append, plan.frame)
+            plan = NodePlan(self.master, routes, frame_kind())
+            participant = Ros1Node(TESTER, self.master, self.refusals.append, plan.frame)
             self._join(participant, routes, ros1_line, plan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 
 State = Literal["none", "sent", "refused", "accepted", "ended"]
 """How it stands with the last goal."""
@@ -22,7 +22,7 @@ class ActionCaller:
         status: how the last goal ended, as `action_msgs/GoalStatus` numbers it; 0 before.
     """
 
-    def __init__(self, participant: Participant, kind: Any, address: str) -> None:
+    def __init__(self, participant: Ros2Participant, kind: Any, address: str) -> None:
         from action_msgs.srv import CancelGoal
 
         self._state: State = "none"

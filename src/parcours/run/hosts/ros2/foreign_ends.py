@@ -107,7 +107,7 @@ class Listener(TopicEnd):
         return int(self._made.speakers)
 
 
-class Speaker(TopicEnd):
+class PublishedTopic(TopicEnd):
     """A topic that is published: as the sender offers it whose messages are passed on, else as it is requested."""
 
     def __init__(self, graph: Ros2Graph, topic: str, type_: str, queue: int, latch: bool, like: str) -> None:

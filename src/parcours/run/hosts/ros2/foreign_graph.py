@@ -15,24 +15,24 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 from parcours.errors import BadRequest, HostFailure, one_of
-from parcours.run.binding import Binding, Graph
+from parcours.run.binding import Binding, RegisteredGraph
 from parcours.run.binding.graph import Quality
 from parcours.run.binding.schema import LIVES
-from parcours.run.binding.slots import Slot
+from parcours.run.binding.slots import ProcessSlot
 from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.interfaces import TESTER
 from parcours.run.hosts.ros2.foreign_ends import (
     Listener,
+    PublishedTopic,
     ServiceCaller,
-    Speaker,
     TopicEnd,
     full_name,
     quality_of,
     short_type,
 )
 from parcours.run.hosts.ros2.foreign_types import Ros2Types
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 from parcours.run.hosts.ros2.transport import claim
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.recording import Raw
@@ -61,7 +61,7 @@ class Ros2Graph:
 
     label = "ros2"
     ending = 2.0
-    participant: Participant
+    participant: Ros2Participant
 
     def __init__(self, binding: Binding) -> None:
         self.known = Ros2Types(binding)
@@ -78,13 +78,13 @@ class Ros2Graph:
         self._poll = select.poll()
         self._watched: dict[int, Callable[[], None]] = {}
         self._closing = contextlib.ExitStack()
-        self._participant: Participant | None = None
+        self._participant: Ros2Participant | None = None
         self._join()
         self._closing.enter_context(claim(self.participant.domain, TESTER[1:]))
 
     def _join(self) -> None:
         with real_time():  # the middleware's threads inherit it
-            self.participant = self._participant = Participant(TESTER[1:])
+            self.participant = self._participant = Ros2Participant(TESTER[1:])
         self.environment = {name: os.environ[name] for name in os.environ if name.startswith(("ROS_", "FASTDDS_"))}
         self.environment = {**self.environment, "ROS_DOMAIN_ID": str(self.participant.domain)}
         if self.known.built is not None:
@@ -111,11 +111,11 @@ class Ros2Graph:
 
     # Ends.
 
-    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> Speaker:
+    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> PublishedTopic:
         """Publish a topic as soon as somebody listens."""
         end = self._ends.get(topic)
-        if not isinstance(end, Speaker):
-            end = self._ends[topic] = Speaker(self, topic, type_, queue, latch, like)
+        if not isinstance(end, PublishedTopic):
+            end = self._ends[topic] = PublishedTopic(self, topic, type_, queue, latch, like)
         return end
 
     def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> Listener:
@@ -138,7 +138,7 @@ class Ros2Graph:
     def leave(self, topic: str) -> None:
         """Publish a topic no longer."""
         end = self._ends.pop(topic, None)
-        if isinstance(end, Speaker):
+        if isinstance(end, PublishedTopic):
             end.close()
 
     def knows_service(self, type_: str) -> bool:
@@ -201,7 +201,7 @@ class Ros2Graph:
             if full_name(name, space) != TESTER
         ]  # fmt: skip
 
-    def state(self, services: Collection[str] = ()) -> Graph:
+    def state(self, services: Collection[str] = ()) -> RegisteredGraph:
         """Return who is there without the tester, with the types of everything."""
         node = self.participant.node
         types: dict[str, str] = {}
@@ -228,7 +228,7 @@ class Ros2Graph:
                     types[service] = short_type(kinds[0])
         counts = Counter(full_name(*one) for one in nodes)
         twice = sorted(name for name, count in counts.items() if count > 1)
-        return Graph(publishers, subscribers, servers, types, offered, requested, twice)
+        return RegisteredGraph(publishers, subscribers, servers, types, offered, requested, twice)
 
     def answers(self, node: str) -> bool:
         """Return whether a node is on the graph; one that was killed is, until its lease is over."""
@@ -251,7 +251,7 @@ class Ros2Graph:
                 raise BadRequest(f"{where}: parameter {key}", rule, remedy, slug="binding-parameter")
         self._parameters = dict(values)
 
-    def arguments(self, slot: Slot) -> tuple[str, ...]:
+    def arguments(self, slot: ProcessSlot) -> tuple[str, ...]:
         """Return a slot's remappings, and the parameters that its node has in the binding."""
         own = slot.node.ros_node
         given = [(key.rpartition("/")[2], value) for key, value in self._parameters.items() if _owner(key) == own]

@@ -41,7 +41,7 @@ _CHUNK = 20_000_000
 Heard = Callable[[bytes], None]
 
 
-class Participant:
+class Ros2Participant:
     """A node of the graph, in a context of its own.
 
     Raises HostFailure if rclpy is not there, or there is no such domain.
@@ -78,11 +78,11 @@ class Participant:
 
     frame_kind = "frames"
 
-    def publish(self, topic: str, kind: str, peer: str = "") -> Sender:
+    def publish(self, topic: str, kind: str, peer: str = "") -> Ros2Publisher:
         """Publish a topic whose messages are called `kind`."""
         from std_msgs.msg import UInt8MultiArray
 
-        return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), writer(kind))
+        return Ros2Publisher(self.node.create_publisher(UInt8MultiArray, topic, _quality()), writer(kind))
 
     def subscribe(self, topic: str, kind: str, heard: Heard, peer: str = "", *,
                   lost: Callable[[], None] = lambda: None) -> Subscription:  # fmt: skip
@@ -158,7 +158,7 @@ class Participant:
 
         self._add("service", server, take)
 
-    def call(self, service: str, kind: str = "") -> Caller:
+    def call(self, service: str, kind: str = "") -> Ros2Client:
         """Return what calls a service."""
         from diagnostic_msgs.srv import AddDiagnostics
 
@@ -169,7 +169,7 @@ class Participant:
             answered(*((_bytes(answer.message), "") if answer.success else (None, "declined")))
 
         client = self.inquire(AddDiagnostics, service, taken)
-        return Caller(client, lambda data: AddDiagnostics.Request(load_namespace=_text(data)), waiting)
+        return Ros2Client(client, lambda data: AddDiagnostics.Request(load_namespace=_text(data)), waiting)
 
     def inquire(self, kind: Any, service: str, answered: Callable[[int, Any], None]) -> Any:
         """Return a client of a service of any type; `answered` gets the number of each request and its response."""
@@ -252,7 +252,7 @@ class Participant:
         self._context.try_shutdown()
 
 
-class Sender:
+class Ros2Publisher:
     """A publisher of bytes."""
 
     def __init__(self, publisher: Any, write: Callable[[bytes], bytes]) -> None:
@@ -286,7 +286,7 @@ class Subscription:
         return int(self._subscription.get_publisher_count())
 
 
-class Caller:
+class Ros2Client:
     """A client of a service; `waiting` are the calls that have no response yet, by number."""
 
     def __init__(self, client: Any, request: Callable[[bytes], Any], waiting: dict[int, Answered]) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.clocks import ClockName
-from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.participant import Ros2Participant
 
 START = 1_000_000_000
 """The first instant [ns]: zero on /clock means that there is no time yet."""
@@ -61,7 +61,7 @@ class SteppedClock:
 
     name: ClockName = "simulated"
 
-    def __init__(self, participant: Participant, nodes: Sequence[str], watched: Mapping[str, Any] | None = None, *,
+    def __init__(self, participant: Ros2Participant, nodes: Sequence[str], watched: Mapping[str, Any] | None = None, *,
                  step: int = 50_000_000, hops: int = 2, quiet: int = 0, tasks: int = 0, within: float = 10.0,
                  discovery: float = 30.0, look: Callable[[], None] = lambda: None) -> None:  # fmt: skip
         from rcl_interfaces.srv import GetParameterTypes

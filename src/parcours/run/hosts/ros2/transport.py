@@ -14,19 +14,19 @@ from multiprocessing import connection
 from parcours.errors import HostFailure
 from parcours.run.hosts.graph_line import GraphLine
 from parcours.run.hosts.graph_transport import GraphTransport
-from parcours.run.hosts.interfaces import TESTER, Interface, Route, routes
+from parcours.run.hosts.interfaces import TESTER, ChannelRoute, Interface, routes
 from parcours.run.hosts.node_program import Node
-from parcours.run.hosts.ros2.participant import Participant, Subscription
+from parcours.run.hosts.ros2.participant import Ros2Participant, Subscription
 
 _PRELOAD = ("rclpy", "std_msgs.msg", "diagnostic_msgs.srv", __name__)
 
 
-def ros2_line(node: Node, routes: tuple[Route, ...], domain: int | None) -> GraphLine:
+def ros2_line(node: Node, routes: tuple[ChannelRoute, ...], domain: int | None) -> GraphLine:
     """Return a node's end of the transport. Raises HostFailure if rclpy is not there, or the tester is not."""
     tester = multiprocessing.parent_process()
     if tester is not None:
         threading.Thread(target=_end_with, args=(tester.sentinel,), daemon=True).start()
-    return GraphLine(node.component, routes, Participant(node.component, domain))
+    return GraphLine(node.component, routes, Ros2Participant(node.component, domain))
 
 
 def _end_with(sentinel: int) -> None:
@@ -49,7 +49,7 @@ class Ros2Transport(GraphTransport):
         super().__init__(nodes, [*_PRELOAD, *preload])
         found = routes(channels, {one.channel: one.type for one in channels})
         with self._closing_on_failure():
-            participant = Participant(TESTER[1:], domain)
+            participant = Ros2Participant(TESTER[1:], domain)
             self._domain = participant.domain
             for name in self.nodes:
                 self._closing.enter_context(claim(self._domain, name))
