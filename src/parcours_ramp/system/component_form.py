@@ -288,10 +288,8 @@ def run_components(
     opens = late_start(stream, np.uint64(seed), np.uint64(number)) if setting.starts_late else 0
     guards: tuple[Guard, ...] = ()
     if is_timeless:
-        planner, control = (
-            PlannerComponent(parameters, seed, number, start_pose(study), goal),
-            Control(parameters, opens),
-        )
+        planner = PlannerComponent(parameters, seed, number, start_pose(study), goal)
+        control = Control(parameters, opens)
     else:
         planner = PacedPlanner(parameters, seed, number, start_pose(study), goal, study.latencies, body.pass_to)
         planner.expected = (control := PacedControl(parameters, opens, body.pass_to)).expect
