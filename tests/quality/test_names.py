@@ -5,9 +5,9 @@ from collections import defaultdict
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src"
-TWO_VIEWS = {
-    "Component"
-}  # what a model says of a component, and what a host asks of one: the same thing, written and running
+# The same thing twice: a component as a model describes it, and as a host runs it; RAMP's component of that name in the
+# paper, and what anybody's planner is asked.
+TWO_VIEWS = {"Component", "Planner"}
 
 
 def defined_twice(folder: Path) -> dict[str, list[str]]:

@@ -45,7 +45,7 @@ from parcours_ramp.planner.messages import (
     TrajectoryRequest,
     TrajectoryResponse,
 )
-from parcours_ramp.planner.planner import PlannerComponent
+from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID, TRANSITION
 from parcours_ramp.planner.viewing import message_of
 
@@ -201,14 +201,14 @@ def test_all_67_abstract_cases_pass_with_one_instance_of_each_component() -> Non
 
 
 def test_a_planner_that_accepts_any_answer_is_found_with_one_instance_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    handle = PlannerComponent.handle
+    handle = Planner.handle
 
-    def accepting(self: PlannerComponent, channel: str | None, message: Any, now: int) -> Iterator[PlannerStep]:
+    def accepting(self: Planner, channel: str | None, message: Any, now: int) -> Iterator[PlannerStep]:
         if hasattr(message, "tag") and self._conversation is not None:
             message = message._replace(tag=self._conversation)
         yield from handle(self, channel, message, now)
 
-    monkeypatch.setattr(PlannerComponent, "handle", accepting)
+    monkeypatch.setattr(Planner, "handle", accepting)
     cases = [
         case for case in component_plan(seed=4, rows=1).cases() if interaction_of(case) in ("ITP1", "ITP2", "ITP5")
     ]

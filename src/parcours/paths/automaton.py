@@ -11,7 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from parcours.paths.graph import Graph
+
+Integers = NDArray[np.int64]
 
 SILENT = -1
 """The edge of an arc that is no step of the graph."""
@@ -22,17 +27,17 @@ class Network:
     """Numbered nodes and arcs; node 0 is where every walk begins.
 
     Attributes:
-        states: the graph's state at each node.
-        sources, targets: the nodes each arc joins.
-        edges: the graph's edge each arc takes, or SILENT.
-        required: for each arc whether it must be taken.
+        states: the graph's state at each node, shape (n_nodes,).
+        sources, targets: the nodes each arc joins, shape (n_arcs,).
+        edges: the graph's edge each arc takes, or SILENT, shape (n_arcs,).
+        required: for each arc whether it must be taken, shape (n_arcs,).
     """
 
-    states: list[int]
-    sources: list[int]
-    targets: list[int]
-    edges: list[int]
-    required: list[bool]
+    states: Integers
+    sources: Integers
+    targets: Integers
+    edges: Integers
+    required: NDArray[np.bool_]
 
 
 class Trie:
@@ -117,57 +122,46 @@ def outermost(n_edges: int, sequences: Sequence[tuple[int, ...]]) -> list[tuple[
 def network(graph: Graph, sequences: Sequence[tuple[int, ...]]) -> Network:
     """Return the product of the graph with the automaton of the sequences, as far as walks from the start reach."""
     trie = Trie(len(graph.edges), sequences)
-    leaving, into = graph.leaving(), graph.targets.tolist()
-    ended = set(trie.ends)
-    # A node is a state with nothing begun (0 .. n_states - 1), or a node of the trie.
-    n_states = len(graph.states)
-    numbered = {0: 0}
-    queue, built = [0], Network([0], [], [], [], [])
     children, suffix, n_edges = trie.children, trie.suffix, trie.n_edges
-
-    def visit(place: int, state: int) -> int:
-        number = numbered.setdefault(place, len(queue))
-        if number == len(queue):
-            queue.append(place)
-            built.states.append(state)
-        return number
-
-    entered: dict[int, int] = {}
-    for node, place in enumerate(queue):
-        begun, state = max(place - n_states, 0), built.states[node]
-        if begun in ended and begun:
-            back = suffix[begun]
-            _join(built, node, visit(back + n_states if back else state, state), SILENT, required=True)
-            continue
-        for edge in leaving[state]:
-            then = children.get(begun * n_edges + edge)
-            if then is None:
-                then = trie.after(suffix[begun], edge) if begun else 0
-            target = visit(then + n_states if then else into[edge], into[edge])
-            entered[target] = entered.get(target, 0) + 1
-            _join(built, node, target, edge, required=False)
-    return _short_cut(built, entered)
-
-
-def _join(built: Network, source: int, target: int, edge: int, *, required: bool) -> None:
-    built.sources.append(source)
-    built.targets.append(target)
-    built.edges.append(edge)
-    built.required.append(required)
+    leaving, into = graph.leaving(), graph.targets.tolist()
+    complete = [False] * len(suffix)
+    for end in trie.ends:
+        complete[end] = True
+    # A place is a state with nothing begun (0 .. n_states - 1), or a node of the trie.
+    n_states = len(graph.states)
+    numbered, places, states = {0: 0}, [0], [0]
+    sources: list[int] = []
+    targets: list[int] = []
+    edges: list[int] = []
+    for node, place in enumerate(places):  # grows while it is read
+        begun, state = max(place - n_states, 0), states[node]
+        for edge in (SILENT,) if complete[begun] else leaving[state]:
+            if edge == SILENT:
+                then, entered = suffix[begun], state
+            else:
+                found, entered = children.get(begun * n_edges + edge), into[edge]
+                then = found if found is not None else trie.after(suffix[begun], edge) if begun else 0
+            beyond = then + n_states if then else entered
+            target = numbered.setdefault(beyond, len(places))
+            if target == len(places):
+                places.append(beyond)
+                states.append(entered)
+            sources.append(node)
+            targets.append(target)
+            edges.append(edge)
+    return _short_cut(np.array(states), np.array(sources), np.array(targets), np.array(edges))
 
 
-def _short_cut(built: Network, entered: dict[int, int]) -> Network:
+def _short_cut(states: Integers, sources: Integers, targets: Integers, edges: Integers) -> Network:
     """Return the network where a place of completion with one arc into it has become part of that arc."""
-    onward = {
-        source: target
-        for source, target, required in zip(built.sources, built.targets, built.required, strict=True)
-        if required and entered.get(source) == 1
-    }
-    shorter = Network([], [], [], [], [])
-    kept = {node: place for place, node in enumerate(n for n in range(len(built.states)) if n not in onward)}
-    shorter.states.extend(built.states[node] for node in kept)
-    for source, target, edge, required in zip(built.sources, built.targets, built.edges, built.required, strict=True):
-        if source not in onward:
-            ends = target in onward
-            _join(shorter, kept[source], kept[onward.get(target, target)], edge, required=required or ends)
-    return shorter
+    required = edges == SILENT
+    entered = np.bincount(targets[~required], minlength=states.size)
+    short = required & (entered[sources] == 1)
+    onward, gone = np.arange(states.size), np.zeros(states.size, dtype=bool)
+    onward[sources[short]], gone[sources[short]] = targets[short], True
+    place = np.cumsum(~gone) - 1
+    kept = ~short
+    return Network(
+        states[~gone], place[sources[kept]], place[onward[targets[kept]]], edges[kept],
+        required[kept] | gone[targets[kept]],
+    )  # fmt: skip

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.paths.circulation import cheapest_flow
+from parcours.paths.contraction import Contraction, Flows
 from parcours.paths.graph import components
 from parcours.paths.joining import Arcs, Integers, groups, tightened, ways_there, ways_there_and_back
 
@@ -123,15 +124,26 @@ def _circulation(closed: Arcs, most: int) -> Integers:
         if added is None:
             raise AssertionError("a network whose nodes all lead to an end has a circulation")
         return closed.least + added
+    whole = Flows(
+        closed.sources, closed.targets, closed.costs, surplus.astype(np.int64), np.arange(closed.sources.size)
+    )
+    contraction = Contraction(whole, fixed=closed.sources.size - 1)
+    left = contraction.left
+    return closed.least + contraction.flow(_solved(left, capacities[left.numbers]))
+
+
+def _solved(problem: Flows, capacities: Integers) -> Integers:
+    if not problem.supplies.any():
+        return np.zeros(problem.numbers.size, dtype=np.int64)
     from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
 
     network = SimpleMinCostFlow()
-    numbers = network.add_arcs_with_capacity_and_unit_cost(closed.sources, closed.targets, capacities, closed.costs)
-    network.set_nodes_supplies(np.arange(closed.n_nodes), surplus.astype(np.int64))
+    numbers = network.add_arcs_with_capacity_and_unit_cost(problem.sources, problem.targets, capacities, problem.costs)
+    network.set_nodes_supplies(np.arange(problem.supplies.size), problem.supplies)
     status = network.solve()
     if status != SimpleMinCostFlow.OPTIMAL:
         raise AssertionError(f"a network whose nodes all lead to an end has a circulation, but: {status}")
-    return closed.least + np.asarray(network.flows(numbers), dtype=np.int64)
+    return np.asarray(network.flows(numbers), dtype=np.int64)
 
 
 def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:

@@ -111,37 +111,36 @@ def _ends(graph: Graph, shape: Shape) -> tuple[int, ...]:
 
 def _split(built: Network, states: Sequence[int]) -> Network:
     """Return the network in which visiting one of the states is an arc of its own."""
-    onward = {state: len(built.states) + place for place, state in enumerate(states)}
-    if not onward:
+    if not states:
         return built
-    place = {state: node for node, state in enumerate(built.states)}
-    leave = {place[state]: node for state, node in onward.items()}
+    split, n_nodes = np.array(states), built.states.size
+    where = np.empty(int(built.states.max()) + 1, dtype=np.int64)
+    where[built.states] = np.arange(n_nodes)
+    inner, onward = where[split], np.arange(n_nodes)
+    onward[inner] = n_nodes + np.arange(split.size)  # what left the state now leaves the node behind it
     return Network(
-        [*built.states, *states], [*(leave.get(source, source) for source in built.sources), *leave],
-        [*built.targets, *leave.values()], [*built.edges, *[SILENT] * len(leave)],
-        [*built.required, *[True] * len(leave)],
+        np.append(built.states, split), np.append(onward[built.sources], inner),
+        np.append(built.targets, onward[inner]), np.append(built.edges, np.full(split.size, SILENT)),
+        np.append(built.required, np.ones(split.size, dtype=bool)),
     )  # fmt: skip
 
 
 def _arcs(built: Network, ends: Sequence[int]) -> Arcs:
-    final = set(ends)
-    edges = np.array(built.edges, dtype=np.int64)
     return Arcs(
-        len(built.states), np.array(built.sources, dtype=np.int64), np.array(built.targets, dtype=np.int64),
-        (edges != SILENT).astype(np.int64), np.array(built.required, dtype=np.int64),
-        np.array([node for node, state in enumerate(built.states) if state in final], dtype=np.int64),
+        built.states.size, built.sources, built.targets, (built.edges != SILENT).astype(np.int64),
+        built.required.astype(np.int64), np.flatnonzero(np.isin(built.states, np.array(ends))),
     )  # fmt: skip
 
 
 def _fewest_paths(built: Network, arcs: Arcs) -> tuple[tuple[Walk, ...], int, int]:
     """Return paths through the network, how few are possible, and a lower bound of their length."""
     found = passages(arcs)
-    pause, stops = len(built.states), arcs.ends
-    sources = [*built.sources, *stops.tolist(), pause]
-    targets = [*built.targets, *[pause] * stops.size, 0]
+    pause, stops = arcs.n_nodes, arcs.ends
+    sources = [*built.sources.tolist(), *stops.tolist(), pause]
+    targets = [*built.targets.tolist(), *[pause] * stops.size, 0]
     taken = [*found.taken.tolist(), *found.ended.tolist(), found.beginnings]
     tour = _euler_tour(sources, targets, taken, 0)
-    steps = [*built.edges, *[SILENT] * (stops.size + 1)]
+    steps = [*built.edges.tolist(), *[SILENT] * (stops.size + 1)]
     walks = _cut(tour, steps, len(steps) - 1)
     return walks, found.beginnings, found.shortest
 
@@ -164,20 +163,15 @@ def _euler_tour(sources: Sequence[int], targets: Sequence[int], taken: Sequence[
     It is deterministic: at a node, an arc not taken yet goes before a repeated one, and earlier arcs go before
     later ones. Every node is left as often as it is entered, and what is taken hangs together with the root.
     """
-    waiting: dict[int, list[int]] = {}
-    for arc, count in enumerate(taken):
-        if count:
-            waiting.setdefault(sources[arc], []).append(arc)
-    for arc, count in enumerate(taken):
-        if count > 1:
-            waiting[sources[arc]].extend([arc] * (count - 1))
-    for queue in waiting.values():
-        queue.reverse()  # so that pop() takes the first
+    counts = np.array(taken)
+    again = np.repeat(np.arange(counts.size), np.maximum(counts - 1, 0))
+    waiting: list[list[int]] = [[] for _ in range(1 + max(sources))]
+    for arc in np.append(np.flatnonzero(counts), again)[::-1].tolist():  # backwards, so that pop() takes the first
+        waiting[sources[arc]].append(arc)
     tour: list[int] = []
     trail, node = [-1], root  # the arcs taken so far, and where the last one leads
     while trail:
-        left = waiting.get(node)
-        if left:
+        if left := waiting[node]:
             arc = left.pop()
             trail.append(arc)
             node = targets[arc]

@@ -12,7 +12,7 @@ from parcours.suite import Case
 from parcours_ramp.planner.control import REPORT_PERIOD, Control
 from parcours_ramp.planner.messages import POSE, one
 from parcours_ramp.planner.parameters import Parameters, guarded
-from parcours_ramp.planner.planner import PlannerComponent
+from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
 from parcours_ramp.planner.whole import component
@@ -38,10 +38,10 @@ def robot_of(case: Case, parameters: Parameters) -> Record:
 def component_of(name: str, case: Case, parameters: Parameters) -> Component:
     """Return a fresh component for a case. Raises BadRequest if RAMP has none of that name."""
     made = component(name, parameters, case.seed, case.number, robot_of(case, parameters), GOAL)
-    return _prepared(made, parameters) if isinstance(made, PlannerComponent) else made
+    return _prepared(made, parameters) if isinstance(made, Planner) else made
 
 
-def _prepared(planner: PlannerComponent, parameters: Parameters) -> PlannerComponent:
+def _prepared(planner: Planner, parameters: Parameters) -> Planner:
     """Return a planner after its first control cycle, as the authors prepare theirs for a test."""
     services: dict[str, TrajectoryGenerator | TrajectoryEvaluation] = {
         "trajectory_request": TrajectoryGenerator(parameters),

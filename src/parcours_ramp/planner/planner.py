@@ -42,7 +42,7 @@ _GUARDED = "guarded"
 Message = messages.TrajectoryResponse | messages.EvaluationResponse | messages.ModificationResponse
 
 
-class PlannerComponent:
+class Planner:
     """The component.
 
     Args:

@@ -10,7 +10,7 @@ from parcours.run.port import Component
 from parcours_ramp.planner.control import Control
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.path_modification import PathModification
-from parcours_ramp.planner.planner import PlannerComponent
+from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.service import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
@@ -29,7 +29,7 @@ def component(
     Raises BadRequest: RAMP has none of that name.
     """
     makers: dict[str, Callable[[], Component]] = {
-        "Planner": lambda: PlannerComponent(parameters, seed, case, begin, goal),
+        "Planner": lambda: Planner(parameters, seed, case, begin, goal),
         "TrajectoryGenerator": lambda: TrajectoryGenerator(parameters),
         "TrajectoryEvaluation": lambda: TrajectoryEvaluation(parameters),
         "PathModification": lambda: PathModification(parameters, seed, case),

@@ -30,7 +30,7 @@ from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
 from parcours_ramp.planner.latency import late_start, none
 from parcours_ramp.planner.messages import OBSTACLE_STATE, POSE, Obstacles, PlannerStep, StateReport, many, one
 from parcours_ramp.planner.path_modification import PathModification
-from parcours_ramp.planner.planner import PlannerComponent
+from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.service import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
@@ -129,7 +129,7 @@ class Witness:
 
     name = "Witness"
 
-    def __init__(self, setting: Record, world: WorldComponent, planner: PlannerComponent, control: Control) -> None:
+    def __init__(self, setting: Record, world: WorldComponent, planner: Planner, control: Control) -> None:
         self._world, self._planner, self._control = world, planner, control
         self._limit, self._extension = int(setting.limit), int(setting.extension)
         self._goal = float(setting.goal_x), float(setting.goal_y)
@@ -288,7 +288,7 @@ def run_components(
     opens = late_start(stream, np.uint64(seed), np.uint64(number)) if setting.starts_late else 0
     guards: tuple[Guard, ...] = ()
     if is_timeless:
-        planner = PlannerComponent(parameters, seed, number, start_pose(study), goal)
+        planner = Planner(parameters, seed, number, start_pose(study), goal)
         control = Control(parameters, opens)
     else:
         planner = PacedPlanner(parameters, seed, number, start_pose(study), goal, study.latencies, body.pass_to)

@@ -19,7 +19,7 @@ from parcours_ramp.planner.control import Control
 from parcours_ramp.planner.guard import GUARD_PERIOD, is_imminent, take_report
 from parcours_ramp.planner.latency import Latencies, draw
 from parcours_ramp.planner.parameters import Parameters
-from parcours_ramp.planner.planner import Message, PlannerComponent
+from parcours_ramp.planner.planner import Message, Planner
 from parcours_ramp.planner.service import Timeless
 from parcours_ramp.system.workspace import FAR, ROOM
 
@@ -30,7 +30,7 @@ _TO_CONTROL = ("imminent_collision", "halt", "speed_limit")
 Pass = Callable[[int], None]  # brings the world to a time [ns]
 
 
-class PacedPlanner(PlannerComponent):
+class PacedPlanner(Planner):
     """The planner, asleep while its thread is busy.
 
     Args:
