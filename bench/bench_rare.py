@@ -1,6 +1,7 @@
 """Prints how often `parcours rare` is right: where the probability is known, and on mutants of RAMP's guard.
 
-python bench/bench_rare.py [--known 100] [--budget 20000] [--mutants 1] [--mutant-budget 50000] [--brute 0]
+python bench/bench_rare.py [--known 100] [--probabilities 1e-7] [--budget 20000] [--mutants 1]
+                            [--mutant-budget 50000] [--brute 0]
 """
 
 from __future__ import annotations
@@ -85,14 +86,16 @@ def found(search: Search, seed: int, budget: int) -> Rarity:
     return estimate(search, seed=seed, budget=budget, workers=2, progress=lambda what, done, total: None)
 
 
-def known(n: int, budget: int) -> None:
-    """Print how often intervals hold a probability that is known."""
-    for probability in (1e-4, 1e-5, 1e-7):
+def known(n: int, budget: int, probabilities: Sequence[float]) -> None:
+    """Print how often intervals hold a probability that is known, and how often they lie within half of it."""
+    for probability in probabilities:
         ones = [found(dataclasses.replace(Corner(probability), study=Corner(1.0)), seed, budget) for seed in range(n)]
         held = sum(one.low <= probability <= one.high for one in ones)
         ends = [np.quantile([getattr(one, end) for one in ones], 0.5) / probability for end in ("low", "high")]
+        near = sum(one.low >= 0.5 * probability and one.high <= 1.5 * probability for one in ones)
         mean = np.mean([one.probability for one in ones]) / probability
-        print(f"{probability:g}: held by {held} of {n} intervals; their medians [{ends[0]:.2f}, {ends[1]:.2f}] of it, "
+        print(f"{probability:g}: held by {held} of {n} intervals, {near} within 50 % of it; "
+              f"their medians [{ends[0]:.2f}, {ends[1]:.2f}] of it, "
               f"mean estimate {mean:.2f} of it; {np.mean([one.simulations for one in ones]):.0f} simulations; "
               f"without a lower end {sum(one.low == 0.0 for one in ones)}", flush=True)  # fmt: skip
 
@@ -100,14 +103,15 @@ def known(n: int, budget: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--known", type=int, default=100, help="estimates of each known probability")
+    parser.add_argument("--probabilities", type=float, nargs="+", default=[1e-4, 1e-5, 1e-7])
     parser.add_argument("--budget", type=int, default=20_000)
     parser.add_argument("--mutants", type=int, default=1, help="estimates of each mutant")
     parser.add_argument("--mutant-budget", type=int, default=50_000)
     parser.add_argument("--brute", type=int, default=0, help="cases of a campaign of each mutant, beside")
     given = parser.parse_args()
     if given.known:
-        known(given.known, given.budget)
-    for mutant, (_, rate) in MUTANTS.items():
+        known(given.known, given.budget, given.probabilities)
+    for mutant, (_, rate) in MUTANTS.items() if given.mutants else ():
         held = 0
         for seed in range(1, given.mutants + 1):
             began = time.perf_counter()
