@@ -341,3 +341,17 @@ def test_a_port_in_use_is_an_error_that_says_so(server: Server) -> None:
     command = [sys.executable, "-m", "parcours", "studio", str(server.root), "--no-open", "--port", str(server.port)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and "Address already in use" in done.stderr and "[studio-port]" in done.stderr
+
+
+def test_once_a_study_is_loaded_the_first_look_at_a_run_loads_nothing(server: Server, run: str) -> None:
+    code = (
+        "import sys; from pathlib import Path; from parcours.studio.folder import Folder;"
+        "from parcours.studio.watching import Watched; folder = Folder(Path(sys.argv[1]));"
+        "Watched(folder, sys.argv[2]).load(); loaded = set(sys.modules);"
+        "known = Watched(folder, sys.argv[2]).news(); assert known['finished'], known;"
+        "print([one for one in sys.modules if one not in loaded and not one.startswith('encodings.')])"
+    )
+    said = subprocess.run(
+        [sys.executable, "-P", "-c", code, str(server.root), run], capture_output=True, text=True, check=True
+    )
+    assert said.stdout.strip() == "[]", said.stdout

@@ -1,7 +1,7 @@
-"""Draws a machine as one self-contained SVG picture; the same machine gives the same bytes.
+"""Draws a machine, or components and their channels, as one self-contained SVG picture: the same bytes each time.
 
-States stand on a circle, the first one left; arrows between the same two bow apart; loops point outwards; what
-the transitions say goes to a legend below.
+States or components stand on a circle, the first one left; arrows between the same two bow apart; loops point
+outwards; what the arrows say goes to a legend below.
 
             ___p2__
       *-> (a)     (b) ~p4      angles grow clockwise, as y points down
@@ -14,12 +14,12 @@ import html
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from parcours.model.drawing import predicate
-from parcours.model.structure import Machine, Transition
+from parcours.model.structure import ENVIRONMENT, Cefsm, Machine
 
 _CHARACTER = 7.2  # width of one letter at 13 px [px]
 _INK, _ACCENT, _PAPER, _NODE = "#1b1f24", "#0b57a4", "#ffffff", "#eef4fb"
@@ -41,6 +41,17 @@ class Paint:
     anchor: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class _Arrow:
+    """A transition or a channel: from where to where, what stands on it, and what the legend says of it."""
+
+    id: str
+    source: str
+    target: str
+    label: str
+    said: str
+
+
 # Colours that differ in lightness, too, and lines that differ without any colour
 _LINES: dict[str, tuple[str, str]] = {
     "covered": ("#00664a", 'stroke-width="2"'),
@@ -58,20 +69,39 @@ def to_svg(machine: Machine, title: str = "", painted: Mapping[str, Paint] | Non
         title: above it.
         painted: how transitions are drawn, by their ids; a key of the colours is added. The others are black.
     """
-    picture = _Picture(machine, painted or {})
-    picture.draw(machine)
-    picture.write_legend([(each.id, predicate(each)) for each in machine.transitions])
-    picture.write_key()
-    return picture.finished(title or machine.name)
+    arrows = [_Arrow(one.id, one.source, one.target, one.id, predicate(one)) for one in machine.transitions]
+    names = list(dict.fromkeys([machine.initial, *machine.states]))
+    return _Picture(names, arrows, painted or {}, machine.initial).finished(title or machine.name)
+
+
+def channels_to_svg(cefsm: Cefsm, title: str, rates: Mapping[str, float], of: str) -> str:
+    """Return a picture of the components of a model with the channels between them, and how much flows there.
+
+    Args:
+        cefsm: the model.
+        title: above it.
+        rates: messages by channel, for each of what `of` says; a channel without any is dashed.
+        of: such as "a case".
+    """
+    arrows = []
+    for one in cefsm.channels:
+        rate = f"{rates.get(one.name, 0.0):.3g}"
+        said = f"{rate} {of}; {one.message}" + (f" on {one.topic}" if one.topic else "")
+        arrows.append(_Arrow(one.name, one.sender, one.receiver, f"{rate} {one.name}", said))
+    ends = {end for arrow in arrows for end in (arrow.source, arrow.target)}
+    names = [*([ENVIRONMENT] if ENVIRONMENT in ends else []), *(one.name for one in cefsm.components)]
+    painted = {one.name: Paint("covered" if rates.get(one.name) else "uncovered") for one in cefsm.channels}
+    return _Picture(names, arrows, painted).finished(title)
 
 
 class _Picture:
     """Collects shapes, and the corners of what is drawn, from which the size of the picture follows."""
 
-    def __init__(self, machine: Machine, painted: Mapping[str, Paint]) -> None:
+    def __init__(
+        self, names: list[str], arrows: Sequence[_Arrow], painted: Mapping[str, Paint], initial: str = ""
+    ) -> None:
         self.painted = painted
-        names = list(dict.fromkeys([machine.initial, *machine.states]))
-        longest = max((len(_cut(each.id)) for each in machine.transitions), default=0)
+        longest = max((len(_cut(each.label)) for each in arrows), default=0)
         self.radius_x = {name: max(34.0, _CHARACTER * len(_cut(name)) / 2 + 14) for name in names}
         self.radius_y = 21.0
         self.place = self._circle(names, _CHARACTER * longest)
@@ -79,6 +109,9 @@ class _Picture:
         self.over: list[str] = []
         self.taken: list[_Box] = []
         self.corners: list[Point] = [(0.0, 0.0)]
+        self.draw(arrows, initial)
+        self.write_legend([(each.id, each.said) for each in arrows])
+        self.write_key()
 
     def _circle(self, names: list[str], label: float) -> dict[str, Point]:
         count, widest = len(names), max(self.radius_x.values())
@@ -92,7 +125,7 @@ class _Picture:
         turn = 2 * math.pi / count
         return {name: (-wide * math.cos(turn * at), -high * math.sin(turn * at)) for at, name in enumerate(names)}
 
-    def draw(self, machine: Machine) -> None:
+    def draw(self, arrows: Sequence[_Arrow], initial: str) -> None:
         for name, (x, y) in self.place.items():
             rx, ry = self.radius_x[name], self.radius_y
             self.over.append(
@@ -102,11 +135,12 @@ class _Picture:
             self.text(name, (x, y), weight="600")
             self.take((x - rx, y - ry, x + rx, y + ry))
         between: Counter[tuple[str, str]] = Counter()
-        both_ways = {(each.source, each.target) for each in machine.transitions}
-        outward: dict[str, list[Transition | None]] = {name: [] for name in self.place}
-        outward[machine.initial].append(None)  # the arrow from nowhere
-        for arrow in machine.transitions:
-            if arrow.is_loop:
+        both_ways = {(each.source, each.target) for each in arrows}
+        outward: dict[str, list[_Arrow | None]] = {name: [] for name in self.place}
+        if initial:
+            outward[initial].append(None)  # the arrow from nowhere
+        for arrow in arrows:
+            if arrow.source == arrow.target:
                 outward[arrow.source].append(arrow)
                 continue
             pair = (arrow.source, arrow.target)
@@ -123,7 +157,7 @@ class _Picture:
                 else:
                     self.loop(stub, angle)
 
-    def curve(self, arrow: Transition, bend: float) -> None:
+    def curve(self, arrow: _Arrow, bend: float) -> None:
         start, end = self.place[arrow.source], self.place[arrow.target]
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = math.hypot(dx, dy)
@@ -140,7 +174,7 @@ class _Picture:
         self.corners += [(far[0] - 5, far[1] - 5), (far[0] + 5, far[1] + 5)]
         self.line(f"M{_at(far)} L{_at(tip)}", far, tip)
 
-    def loop(self, arrow: Transition, angle: float) -> None:
+    def loop(self, arrow: _Arrow, angle: float) -> None:
         name = arrow.source
         out, back = (self.ray(name, angle + side * math.radians(17), 1.5) for side in (-1, 1))
         reach = self.ray(name, angle, 48.0)
@@ -148,7 +182,7 @@ class _Picture:
         pulls = [(reach[0] + side * 24 * across[0], reach[1] + side * 24 * across[1]) for side in (-1, 1)]
         way = f"M{_at(out)} C{_at(pulls[0])} {_at(pulls[1])} {_at(back)}"
         self.line(way, pulls[1], back, self.painted.get(arrow.id))
-        half = _CHARACTER * len(_cut(arrow.id)) / 2
+        half = _CHARACTER * len(_cut(arrow.label)) / 2
         self.label(arrow, [self.ray(name, angle, gap + half * abs(math.cos(angle))) for gap in (44.0, 58.0, 72.0)])
 
     def ray(self, name: str, angle: float, gap: float) -> Point:
@@ -171,8 +205,8 @@ class _Picture:
         wings = [(tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)]
         self.under.append(f'<polygon points="{" ".join(map(_at, [tip, *wings]))}" fill="{ink}"/>')
 
-    def label(self, arrow: Transition, spots: list[Point]) -> None:
-        half = _CHARACTER * len(_cut(arrow.id)) / 2 + 2
+    def label(self, arrow: _Arrow, spots: list[Point]) -> None:
+        half = _CHARACTER * len(_cut(arrow.label)) / 2 + 2
         boxes = [(x - half, y - 9, x + half, y + 9) for x, y in spots]
         free = (at for at, box in enumerate(boxes) if not any(_overlap(box, other) for other in self.taken))
         at = next(free, 0)
@@ -184,10 +218,10 @@ class _Picture:
         )
         paint = self.painted.get(arrow.id)
         if paint is None:
-            self.text(arrow.id, spots[at])
+            self.text(arrow.label, spots[at])
             return
         begin = len(self.over)
-        self.text(arrow.id, spots[at], "600", _LINES[paint.state][0], paint.words)
+        self.text(arrow.label, spots[at], "600", _LINES[paint.state][0], paint.words)
         if paint.anchor:
             self.over[begin:] = [f'<a href="#{_safe(paint.anchor)}">{"".join(self.over[begin:])}</a>']
 

@@ -10,7 +10,7 @@ import json
 import re
 import signal
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from importlib.resources import files
 from types import FrameType
 
@@ -37,6 +37,7 @@ _OWN = {"": ("page.html", "text/html"), "studio.js": ("studio.js", "text/javascr
         "studio.css": ("studio.css", "text/css")}  # fmt: skip
 _QUIET = 300  # looks without news after which a line says that the server is still there
 _MOST_WATCHED = 16
+_MOST_LOADED = 16  # studies
 _PARAMETER = re.compile(r"[a-z][a-z0-9_-]*")
 _CHOICES = [name for name in CRITERIA if name.islower()]  # the others take a number or names
 _STATUS = {"studio-changed": 409, "studio-running": 409, "studio-file": 404, "studio-size": 413}
@@ -52,6 +53,8 @@ class Studio:
         self.runs = StudioRuns(folder)
         self.closing = False
         self._watchers = 0
+        self._loaded: set[str] = set()  # studies that are loaded, or are being loaded
+        self._loading: set[asyncio.Task[None]] = set()
 
     def app(self, token: str, port: int) -> TokenGuard:
         """Return the application, which answers the browser that was given the token."""
@@ -73,6 +76,7 @@ class Studio:
         runs = [one.path for one in entries if one.kind == "run"]
         said = await run_in_threadpool(lambda: [summary(self.folder, run) for run in runs])
         listed = [dataclasses.asdict(one) for one in entries if one.kind != "run"]
+        self._load_ahead(said)
         return {
             "studies": sorted(_names()),
             "folder": self.folder.root.name,
@@ -81,6 +85,23 @@ class Studio:
             "all": is_all,
             "criteria": _CHOICES,
         }
+
+    def _load_ahead(self, runs: Sequence[Mapping[str, object]]) -> None:
+        """Load the studies behind some runs, one run of each, before anybody watches them."""
+        new = {
+            str(one["study"]): str(one["run"]) for one in runs if "study" in one and one["study"] not in self._loaded
+        }
+        chosen = dict(list(new.items())[: _MOST_LOADED - len(self._loaded)])
+        self._loaded |= chosen.keys()
+
+        async def load() -> None:
+            for run in chosen.values():
+                with contextlib.suppress(ParcoursError, OSError):  # whoever looks at it is told
+                    await run_in_threadpool(Watched(self.folder, run).load)
+
+        if chosen:
+            self._loading.add(task := asyncio.create_task(load()))
+            task.add_done_callback(self._loading.discard)
 
     async def file(self, request: Request) -> object:
         """Return the text of a file, and its version."""

@@ -7,6 +7,7 @@ study reads that as if it were all. So a shard costs the same at the end of a ca
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import sys
@@ -61,14 +62,9 @@ class Watched:
             BadRequest: its study cannot be read without running code of the folder.
             BadResults: the folder holds no results, or damaged ones.
         """
-        if self._study is None:
-            self._study = study_behind(self._folder, self.run, trusted=self._trusted)
         before = self._planned, self._counts.total()
-        if self._store is None and (self._path / MANIFEST).is_file():
-            self._store = _opened(self._folder, self.run)
-            self._planned = self._store.planned
-            with self._slice(MANIFEST) as part:  # no case yet: what reads them is loaded before the first shard comes
-                self._add(part, 0.0)
+        self.load()
+        assert self._study is not None
         if self._store is not None:
             self._look_at_shards(self._store)
         else:
@@ -77,6 +73,22 @@ class Watched:
         if is_known and before == (self._planned, self._counts.total()):
             return None
         return self._known(self._study.name)
+
+    def load(self) -> None:
+        """Load the study, and what reads its cases, without a look at any: the first look is as quick as the next.
+
+        Raises as `news`.
+        """
+        if self._study is None:
+            self._study = study_behind(self._folder, self.run, trusted=self._trusted)
+        if self._store is None and (self._path / MANIFEST).is_file():
+            self._store = _opened(self._folder, self.run)
+            self._planned = self._store.planned
+            with self._slice(MANIFEST) as part:
+                self._add(part, 0.0)
+        rate_at_any_time(0, 1)  # which loads scipy, and that takes a second
+        if self._store is not None:
+            importlib.import_module("pyarrow.parquet")
 
     def _look_at_shards(self, store: Store) -> None:
         new = sorted(store.finished() - self._seen)[:_AT_ONCE]

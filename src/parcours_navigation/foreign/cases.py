@@ -61,16 +61,16 @@ def abstract_scenes(binding: Binding, seed: int) -> Iterator[AbstractScene]:
         binding: whose model.
         seed: of the values.
     """
-    found = list(itertools.islice(_sequences(binding), MOST))
+    found = orders_of(binding)
     if not binding.data_file:
-        yield from (AbstractScene(f"{id}/0", events) for id, events in found)
+        yield from (AbstractScene(f"{id}/0", events) for id, events in found.items())
         return
     inputs = read_input_model(Path(binding.data_file))
     for row in itertools.count():
-        plan = combine(binding.name, [id for id, _ in found], inputs, seed=seed, n_cases=len(found) * (row + 1))
+        plan = combine(binding.name, list(found), inputs, seed=seed, n_cases=len(found) * (row + 1))
         numbers = np.arange(row * len(found), (row + 1) * len(found))
         values = draw(inputs, plan.blocks(numbers), numbers, seed=seed)
-        for (id, events), drawn in zip(found, values.tolist(), strict=True):
+        for (id, events), drawn in zip(found.items(), values.tolist(), strict=True):
             yield AbstractScene(f"{id}/{row}", events, tuple(zip(inputs.names, drawn, strict=True)))
 
 
@@ -86,7 +86,7 @@ def find_scenes(binding: Binding, seed: int, ids: Collection[str]) -> dict[str, 
 
     Raises BadRequest: an id names an order that its case does not have.
     """
-    once = {id for id, _ in itertools.islice(_sequences(binding), MOST)}
+    once = orders_of(binding)
     parts = {id: _parts(id) for id in ids}
     rows = [int(row) for abstract, _, row in parts.values() if abstract in once and row.isdecimal() and len(row) < 7]
     every = itertools.islice(abstract_scenes(binding, seed), len(once) * (max(rows, default=-1) + 1))
@@ -97,6 +97,11 @@ def find_scenes(binding: Binding, seed: int, ids: Collection[str]) -> dict[str, 
         for id, (abstract, order, row) in parts.items()
         if (scene := found.get(f"{abstract}/{row}")) is not None
     }
+
+
+def orders_of(binding: Binding) -> dict[str, tuple[Event, ...]]:
+    """Return the events of each abstract case, in their usual order."""
+    return dict(itertools.islice(_sequences(binding), MOST))
 
 
 def _parts(id: str) -> tuple[str, str, str]:

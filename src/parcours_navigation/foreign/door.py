@@ -35,7 +35,7 @@ from parcours_navigation.foreign.abstract import PATIENCE
 from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes, in_orders
 from parcours_navigation.foreign.checking import check_nodes, check_types, is_own
 from parcours_navigation.foreign.isolation import ProcessOrder, run_apart
-from parcours_navigation.foreign.results import RosResults, tables, waterfalls
+from parcours_navigation.foreign.results import RosResults, machines, tables, waterfalls
 from parcours_navigation.foreign.timing import spans
 
 if TYPE_CHECKING:
@@ -169,7 +169,12 @@ class RosStudy:
 
         def pieces() -> list[Piece]:
             figures = [(label, figure) for label, one in drawn for figure in waterfalls(one.found)]
-            return [*found, *(dataclasses.replace(one, title=f"{one.title}: {label}") for label, one in figures)]
+            charts = [dataclasses.replace(one, title=f"{one.title}: {label}") for label, one in figures]
+            return [
+                *found,
+                *charts,
+                *(piece for label, one in drawn for piece in machines(one.found, self.binding, label)),
+            ]
 
         return Reported(found, pieces, documents)
 

@@ -13,12 +13,16 @@ import numpy as np
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.chains import chain_table, waterfall
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Table, Tone
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Table, Tone
 from parcours.report.timings import TimingCase, timing_table
+from parcours.run.binding.structure import Binding
+from parcours.study.components.painting import machine_pieces
+from parcours.study.components.results import ComponentResult, read_counts
 from parcours.study.journal import read_journal
 from parcours.study.protocol import Measure
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Chain, parse_bound
+from parcours_navigation.foreign.cases import orders_of
 from parcours_navigation.foreign.judging import JudgedCase
 
 _TONE: dict[Verdict, Tone] = {
@@ -38,6 +42,7 @@ class Result:
         recording: the file; empty if there is none.
         passive: name of a span -> its durations in this case, in shares [ns].
         chain: what `timing` is made of, if it is of a chain.
+        sent: channel -> its messages in this case.
     """
 
     id: str
@@ -49,6 +54,7 @@ class Result:
     timing: TimingCase | None = None
     passive: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
     chain: Chain | None = None
+    sent: Mapping[str, int] = field(default_factory=dict)
 
     def entry(self) -> dict[str, object]:
         """Return it as a folder keeps it, in JSON values."""
@@ -64,7 +70,7 @@ class Result:
             ],
             "scheduling": dict(judged.scheduling),
             "held_ns": list(judged.held), "recording": self.recording, "scene": self.scene or self.id,
-            "timing": timed, "passive": dict(self.passive),
+            "timing": timed, "passive": dict(self.passive), "sent": dict(self.sent),
             "chain": self.chain and {"steps": self.chain.steps, "rows": self.chain.rows},
         }  # fmt: skip
 
@@ -80,8 +86,9 @@ def _kept(entry: Mapping[str, Any], study: str) -> Result:
     chain = Chain(kept["name"], tuple(made["steps"]), tuple(map(tuple, made["rows"]))) if made else None
     id, seconds = f"{study}/{entry['id']}", float(entry["seconds"])
     return Result(
-        id, str(entry["kind"]), judged, seconds, recording=str(entry["recording"]), timing=timing, chain=chain
-    )
+        id, str(entry["kind"]), judged, seconds, recording=str(entry["recording"]), timing=timing, chain=chain,
+        sent=read_counts(entry.get("sent", {})),
+    )  # fmt: skip
 
 
 class RosResults:
@@ -154,6 +161,18 @@ def tables(results: Sequence[Result]) -> list[Table]:
     found.append(_scheduling(results))
     found += [chain_table(f"Shares of {chain.name}", chain) for chain, _ in _chains(results)]
     return [table for table in found if table.rows]
+
+
+def machines(results: Sequence[Result], binding: Binding, where: str) -> list[Piece]:
+    """Return the components, channels and machines of the model, painted by what abstract cases took of them."""
+    abstract = [one for one in results if one.kind == "abstract"]
+    if not abstract:
+        return []
+    found, orders = [], orders_of(binding)
+    for one in abstract:
+        judgement = one.judged.judgement
+        found.append(ComponentResult(one.id, "", str(judgement.verdict), judgement.why, sent=one.sent))
+    return machine_pieces(binding.model, lambda id: orders.get(id, ()), found, where)
 
 
 def waterfalls(results: Sequence[Result]) -> list[Figure]:

@@ -18,6 +18,7 @@ from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.noise import NoiseMeter
 from parcours.run.trace import TraceEvent
+from parcours.study.components.results import sent_in
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive
 from parcours_navigation.foreign.cases import AbstractScene, find_scenes
@@ -202,7 +203,9 @@ class ForeignStudy:
         seconds = max(max((event.time for event in session.relay.events), default=0) - session.case_began, 0) * 1e-9
         recording = recording_place(scene.id, self._order.record) if tape else ""
         kind = "system" if is_system else "abstract"
-        return Result(id, kind, judged, seconds, scene.id, recording, passive=passive)
+        return Result(
+            id, kind, judged, seconds, scene.id, recording, passive=passive, sent=sent_in(session.relay.events)
+        )
 
     def _tape(self, session: Session, scene: AbstractScene | CaseKey, names: Sequence[str]) -> Tape | None:
         order = self._order

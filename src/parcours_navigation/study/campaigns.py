@@ -126,6 +126,7 @@ class NavigationResults:
         return replayed(
             case.id(number), self.label, self.study().track(number), rows, remedy, robot_radius=case.robot_radius,
             obstacle_radius=case.obstacle_radius, arena=scene.arena, goal=scene.goal, tolerance=scene.goal_tolerance,
+            requirements=self.requirements,
         )  # fmt: skip
 
     def _replay_in_world(self, cases: WorldCases, number: int, kept: NDArray[np.void], remedy: str) -> Replay:
@@ -145,6 +146,7 @@ class NavigationResults:
             robot_radius=staged.task.robot_radius, goal=goal, tolerance=staged.task.goal_tolerance,
             obstacle_radii=tuple(staged.scene.obstacles["radius"].tolist()),
             box=(float(xs.min()), float(ys.min()), float(xs.max()), float(ys.max())), standing=standing,
+            requirements=self.requirements,
         )  # fmt: skip
 
 

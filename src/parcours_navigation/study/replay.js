@@ -29,7 +29,7 @@
 
     const field = make("canvas", { class: "field", "aria-hidden": "true" });
     const strip = make("canvas", { class: "strip", "aria-hidden": "true", title: "Clearance up to 0.5 m, speed, requirements over time; drag to move in time" });
-    const required = d.req ?? [], tall = 96 + 14 * required.length;
+    const required = d.req ?? [], HIGH = 44, tall = 96 + HIGH * required.length;
     const rate = t.map((_, i) => { const a = Math.max(0, i - 2), b = Math.min(n - 1, i + 2); return b > a ? Math.hypot(x[b] - x[a], y[b] - y[a]) / (t[b] - t[a]) : 0; });
     const fastest = Math.max(0.1, ...rate);
     const back = make("button", { type: "button", class: "step", "aria-label": "Step back" }, "‹");
@@ -171,12 +171,13 @@
       const broken = required.filter(([, when]) => when !== null && when <= now + 1e-3).map(([name]) => name);
       output.replaceChildren(cell("time", `${now.toFixed(1)} s`), cell("clearance", clear),
         cell("speed", `${(rate[i] + f * (rate[j] - rate[i])).toFixed(2)} m/s`), ...(broken.length ? [cell("violated", broken.join(", "), "alert")] : []),
+        ...required.map(([name, , unit, margin]) => { const v = marginNow(margin); return cell(name, v === null ? "–" : `${v.toFixed(3)} ${unit}`, v < 0 ? "alert" : ""); }),
         cell("least", isFinite(least) ? `${least.toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "alert" : ""));
       slider.value = now;
       slider.setAttribute("aria-valuetext", `${now.toFixed(1)} s, clearance ${clear}${halted[i] ? ", halted" : ""}`);
     }
 
-    function drawStrip(w, from, to) { // one time line: clearance, shaded while halted; speed; requirements
+    function drawStrip(w, from, to) { // one time line: clearance, shaded while halted; speed; how far requirements are from being violated
       drawLine(w, from, to, 54);
       const g = strip.getContext("2d"), across = (time) => from + (to - from) * (time - start) / (end - start || 1);
       const up = (v) => 90 - 30 * v / fastest;
@@ -186,14 +187,23 @@
       g.stroke();
       g.font = "11px system-ui, sans-serif"; g.textBaseline = "middle"; g.fillStyle = css("--muted"); g.textAlign = "left";
       g.fillText("clearance, up to 0.5 m", from + 2, 8); g.fillText(`speed, up to ${fastest.toFixed(2)} m/s`, from + 2, 58);
-      required.forEach(([name, when], k) => {
-        const y = 103 + 14 * k, broke = when === null ? to : Math.min(to - 3, across(Math.max(start, when)));
-        g.lineWidth = 3; g.strokeStyle = css("--c3"); g.beginPath(); g.moveTo(from, y + 5); g.lineTo(broke, y + 5); g.stroke();
-        g.strokeStyle = css("--c0"); g.beginPath(); g.moveTo(broke, y + 5); g.lineTo(to, y + 5); g.stroke();
-        g.fillText(name, from + 2, y - 2);
-      });
+      required.forEach(([name, , , margin], k) => drawMargin(g, name, margin, across, from, to, 96 + HIGH * k));
       g.strokeStyle = css("--c1"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(across(now), 2); g.lineTo(across(now), tall - 2); g.stroke();
     }
+
+    function drawMargin(g, name, margin, across, from, to, top) { // robustness so far: above the line it is kept
+      const known = margin.filter((v) => v !== null), high = Math.max(0, ...known), low = Math.min(0, ...known);
+      const up = (v) => top + HIGH - 4 - (HIGH - 20) * (v - low) / (high - low || 1);
+      g.strokeStyle = css("--rule"); g.lineWidth = 1; g.beginPath(); g.moveTo(from, up(0)); g.lineTo(to, up(0)); g.stroke();
+      g.lineWidth = 2;
+      for (let s = 1; s < margin.length; s++) {
+        if (margin[s] === null || margin[s - 1] === null) continue;
+        g.strokeStyle = css(margin[s] < 0 ? "--c0" : "--c3");
+        g.beginPath(); g.moveTo(across(d.at[s - 1]), up(margin[s - 1])); g.lineTo(across(d.at[s]), up(margin[s])); g.stroke();
+      }
+      g.fillStyle = css("--muted"); g.fillText(name, from + 2, top + 7);
+    }
+    const marginNow = (margin) => { let s = 0; while (s + 1 < d.at.length && d.at[s + 1] <= now + 1e-3) s++; return margin[s]; };
 
     function drawLine(w, from, to, high) {
       const g = prepare(strip, w, tall), across = (time) => from + (to - from) * (time - start) / (end - start || 1);

@@ -15,6 +15,8 @@ from parcours.errors import BadRequest, BadResults
 from parcours.report.pieces import Floats
 from parcours_navigation.facts import FACTS
 from parcours_navigation.outcomes import explain
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
+from parcours_navigation.study.margins import Margins, margins
 
 _FARTHEST_GAP = 100.0
 """Gaps to the ground are drawn up to this [m]."""
@@ -66,7 +68,7 @@ class Replay:
     goal_tolerance: float  # distance to the goal that counts as reached [m]
     note: str = ""  # small print below it
     ground: StandingThings | None = None  # what stands there for good
-    required: tuple[tuple[str, float | None], ...] = ()  # requirements, and when each is violated [s]
+    required: tuple[Margins, ...] = ()  # requirements over time
 
     def __post_init__(self) -> None:
         n, m = len(self.times), len(self.obstacle_radii)
@@ -115,6 +117,7 @@ def replayed(
     obstacle_radii: tuple[float, ...] | None = None,
     box: tuple[float, float, float, float] | None = None,
     standing: StandingThings | None = None,
+    requirements: Requirements = NO_REQUIREMENTS,
 ) -> Replay:
     """Return the replay of a case that was run again, shown up to `beyond` [ns] after its end.
 
@@ -128,16 +131,18 @@ def replayed(
     if [row[judged].tolist() for row in kept] != [facts[0][judged].tolist()]:
         rule = "a replay must give the facts that were kept, but gives others"
         raise BadResults(id, rule, remedy, slug="replay-differs")
+    radii = obstacle_radii if obstacle_radii is not None else (obstacle_radius,) * places.shape[1]
+    gaps = None if standing is None else standing.gaps
+    required = margins(requirements, kept[0], track, places, gaps, np.array(radii, np.float64), robot_radius, goal)
     if beyond is not None:
         n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + beyond, "right"))
         track, places = track[:n_shown], places[:n_shown]
     x0, y0, x1, y1 = box or (0.0, 0.0, arena, arena)
-    radii = obstacle_radii if obstacle_radii is not None else (obstacle_radius,) * places.shape[1]
     return Replay(
         title or f"{id}, {label}", f"{id}: {explain(facts[0])}", track["time"] * 1e-9, track["x"] - x0, track["y"] - y0,
         track["heading"], track["halted"] == 1, places[:, :, 0] - x0, places[:, :, 1] - y0, robot_radius, radii,
         (x1 - x0, y1 - y0), (goal[0] - x0, goal[1] - y0), tolerance, "",
-        None if standing is None else standing.moved(x0, y0, len(track)),
+        None if standing is None else standing.moved(x0, y0, len(track)), required,
     )  # fmt: skip
 
 
@@ -146,7 +151,8 @@ def embedded(replay: Replay) -> str:
 
     Keys: t, x, y, h (time, position, heading) and ox, oy (one list an obstacle) hold steps; halts holds the
     samples where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m]; least is
-    the sample of least clearance and that clearance; req, if anything is required: names, and when violated [s].
+    the sample of least clearance and that clearance; req, if anything is required: name, when violated [s], unit, and
+    its robustness over the times in `at` [s], null where infinite.
 
     >>> at = np.array([0.0, 0.5])
     >>> run = Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
@@ -183,7 +189,12 @@ def embedded(replay: Replay) -> str:
                    "goals": np.round(standing.goals, 3).tolist(), "path": np.round(standing.path, 3).tolist(),
                    "scan": [*standing.scan]}  # fmt: skip
     if replay.required:
-        record["req"] = [[name, at] for name, at in replay.required]
+        record["at"] = np.round(replay.required[0].times, 3).tolist()
+        record["req"] = [
+            [one.name, one.violated_at, "" if one.unit == "1" else one.unit,
+             [round(value, 4) if np.isfinite(value) else None for value in one.values.tolist()]]
+            for one in replay.required
+        ]  # fmt: skip
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
 
 

@@ -179,11 +179,6 @@ class PlannerResults:
         if requirements := self.found.requirements:
             (record,) = self.found.facts[self.found.facts["number"] == number]
             subtitle = f"{self._id(id)}: {explained(record, requirements)}"
-            times = [float(at) if value < 0.0 else None
-                     for value, at in zip(record["robustness"], record["violated_at"], strict=True)] \
-                if requirements.formulas else []  # fmt: skip
-            names = [one.name for one in requirements.formulas]
-            drawn = replace(drawn, required=tuple(zip(names, times, strict=True)))
         drawn = replace(drawn, title=title, subtitle=subtitle)
         section = Section(
             "Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),)

@@ -130,5 +130,5 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
         study.cases.id(number), campaign.label, study.track(number), kept, remedy, goal=(2.0, 2.0), tolerance=0.2,
         robot_radius=study.parameters.robot_radius, obstacle_radius=study.cases.obstacle_radius,
         arena=study.parameters.arena, title=f"{words}: {campaign.label}" if words else "", beyond=3_000_000_000,
-        obstacle_radii=tuple(obstacles["radius"].tolist()),
+        obstacle_radii=tuple(obstacles["radius"].tolist()), requirements=study.requirements,
     )  # fmt: skip

@@ -202,3 +202,22 @@ def test_the_battery_warns_of_requirements_that_hardly_ask_anything(tmp_path: Pa
     study, _ = check_study_file(path)
     assert study is not None
     assert [one.where for one in study.check(lambda *_: None)] == ["require-start"]
+
+
+def test_a_replay_shows_how_far_requirements_are_from_being_violated_while_the_case_goes_on(tmp_path: Path) -> None:
+    run_campaign(STUDY, STUDY.campaign(12, 4), tmp_path, workers=1)
+    found = read_folder(tmp_path, "navigation").found
+    n_broken = 0
+    for record in found.facts:
+        shown = found.replay(int(record["number"])).required
+        assert [one.name for one in shown] == list(ASKED.names)
+        for k, (one, asked) in enumerate(zip(shown, ASKED.formulas, strict=True)):
+            assert one.values[-1] == record["robustness"][k] and one.times[-1] == record["t_end"] * 1e-9
+            way = 1.0 if asked.name == "arrives" else -1.0
+            if asked.name in ("keeps-away", "arrives"):  # what is lost, or found, stays so
+                assert (way * np.diff(one.values) >= 0.0).all(), one.name
+            if asked.name == "keeps-away" and one.violated_at is not None:
+                n_broken += 1
+                assert one.times[int(np.argmax(one.values < 0.0))] <= one.violated_at + 0.5
+                assert (one.values[one.times >= one.violated_at] == one.values[-1]).all()  # it was worst then
+    assert n_broken

@@ -1,4 +1,4 @@
-"""Paints the machines of a study by what became of the cases that took their transitions: a drawing and a table."""
+"""Paints the machines and channels of a model by what became of the cases that took them: drawings and a table."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from parcours.abtc import MARK
-from parcours.model.picture import Paint, PaintState, to_svg
-from parcours.model.structure import Machine
+from parcours.abtc import MARK, Event
+from parcours.model.picture import Paint, PaintState, channels_to_svg, to_svg
+from parcours.model.structure import Cefsm, Machine
 from parcours.report.pieces import Cell, Column, Figure, Marked, Piece, Table, Tone, plain_anchor
 
 if TYPE_CHECKING:
     from parcours.study.components.results import ComponentResult
-    from parcours.study.components.study import ComponentStudy
+
+OrderOf = Callable[[str], Sequence[Event]]
+"""The events of an abstract case in their order, by its id; none if the model has no such case."""
 
 Place = tuple[str, str]  # a component and the id of a transition of it
 
@@ -35,7 +37,7 @@ class TransitionCases:
     broke: bool = False  # whether a case was to take it and did not
 
 
-def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mapping[Place, TransitionCases]:
+def taken_by(order_of: OrderOf, results: Sequence[ComponentResult]) -> Mapping[Place, TransitionCases]:
     """Return what became of the functional cases that were to take each transition; a passing case has taken it."""
     found: dict[Place, TransitionCases] = {}
     cases: dict[str, list[ComponentResult]] = {}
@@ -43,11 +45,9 @@ def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mappi
         if not one.bound and one.verdict != "inconclusive":
             cases.setdefault(one.id.split("/")[1].partition(MARK)[0], []).append(one)
     for abstract, mine in cases.items():
-        if abstract not in study.abstracts:
-            continue
         verdicts = Counter(one.verdict == "pass" for one in mine)
         named = {good: [one.id for one in mine if (one.verdict == "pass") is good][:_NAMED] for good in (True, False)}
-        for place in {(event.component, event.transition) for event in study.order_of(abstract)}:
+        for place in {(event.component, event.transition) for event in order_of(abstract)}:
             at = found.setdefault(place, TransitionCases())
             at.passed += verdicts[True]
             at.failed += verdicts[False]
@@ -60,27 +60,64 @@ def taken_by(study: ComponentStudy, results: Sequence[ComponentResult]) -> Mappi
     return found
 
 
-def machine_pieces(study: ComponentStudy, results: Sequence[ComponentResult], where: str) -> list[Piece]:
-    """Return every machine, painted, and a table of its transitions with the cases that took them."""
+def channel_figure(model: Cefsm, results: Sequence[ComponentResult], where: str) -> list[Figure]:
+    """Return the components and channels of a model with the messages that its cases sent; nothing if none is known."""
+    counted = [one.sent for one in results if one.sent]
+    if not counted or not model.channels:
+        return []
+    sums: Counter[str] = Counter()
+    for sent in counted:
+        sums.update(sent)
+    rates = {channel: count / len(counted) for channel, count in sums.items()}
+    said = ", ".join(
+        f"{one.name} from {one.sender} to {one.receiver} {rates.get(one.name, 0.0):.3g}" for one in model.channels
+    )
+    title = f"Components and channels, {where}"
+    note = (
+        f"Messages a case, counted in the traces of {len(counted):,d} cases, the tester's included. Dashed: no message."
+    )
+    return [Figure(title, lambda: channels_to_svg(model, title, rates, "a case"), f"Messages a case: {said}", note)]
+
+
+def machine_pieces(
+    model: Cefsm,
+    order_of: OrderOf,
+    results: Sequence[ComponentResult],
+    where: str,
+    *,
+    untaken: frozenset[Place] = frozenset(),
+    prefix: str = "",
+) -> list[Piece]:
+    """Return components and channels with the messages between them, every machine, painted, and a table of
+    transitions with the cases that took them.
+
+    Args:
+        model: what is drawn.
+        order_of: of its abstract cases.
+        results: of cases.
+        where: they ran, in words.
+        untaken: transitions that only infeasible cases would take.
+        prefix: what the ids of cases begin with on the page.
+    """  # fmt: skip
     if all(one.bound for one in results):
         return []
-    taken = taken_by(study, results)
-    pieces: list[Piece] = []
+    taken = taken_by(order_of, results)
+    pieces: list[Piece] = [*channel_figure(model, results, where)]
     rows: list[tuple[Cell, ...]] = []
     anchors: list[str] = []
-    for component in study.model.components:
+    for component in model.components:
         for machine in component.machines:
             painted: dict[str, Paint] = {}
             for one in machine.transitions:
                 at = taken.get((component.name, one.id), TransitionCases())
-                state = _state(at, (component.name, one.id) in study.untaken)
+                state = _state(at, (component.name, one.id) in untaken)
                 anchor = f"taken_{plain_anchor(f'{where} {component.name} {one.id}')}"
                 painted[one.id] = Paint(state, f"{state}, {at.passed} passed, {at.failed} failed", anchor)
                 first = at.failing[0] if at.failing else ""
                 rows.append((
                     component.name, one.id, f"{one.source} \N{RIGHTWARDS ARROW} {one.target}",
                     Marked(state, _TONES[state]), at.passed, at.failed,
-                    Marked(first, "bad", link=f"case_{plain_anchor(f'functional/{first}')}") if first else "",
+                    Marked(first, "bad", link=f"case_{plain_anchor(f'{prefix}{first}')}") if first else "",
                     ", ".join([*at.failing[1:], *at.passing][:_NAMED]),
                 ))  # fmt: skip
                 anchors.append(anchor)

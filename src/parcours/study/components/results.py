@@ -22,7 +22,7 @@ from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
 from parcours.run.port import StepReport
-from parcours.run.trace import SHOWN, Trace
+from parcours.run.trace import SHOWN, Trace, TraceEvent
 from parcours.study.components.executing import CaseTiming, Functional
 from parcours.study.components.landing import Glance
 from parcours.study.components.sequence import steps_of
@@ -57,6 +57,7 @@ class ComponentResult:
     bound: str = ""
     durations: tuple[int, ...] = ()
     judged: str = ""  # which checks of data were made, see `parcours.verdict.contracts`
+    sent: Mapping[str, int] = field(default_factory=dict)  # messages by channel, in a functional case
 
     def junit(self) -> CaseResult:
         """Return it as JUnit knows it: a timing case lasts as long as its longest repeat that ended."""
@@ -90,8 +91,14 @@ def functional_result(run: Functional) -> ComponentResult:
     why = run.judgement.why.encode("utf-8", "backslashreplace").decode()  # a component may say anything, and much
     why = why if len(why) <= _LONGEST else f"{why[: _LONGEST - 3]}..."
     return ComponentResult(
-        run.case.id, interaction_of(run.case.abstract), str(run.judgement.verdict), why, judged=run.judged
-    )
+        run.case.id, interaction_of(run.case.abstract), str(run.judgement.verdict), why, judged=run.judged,
+        sent=sent_in(run.execution.trace.events),
+    )  # fmt: skip
+
+
+def sent_in(events: Iterable[TraceEvent]) -> dict[str, int]:
+    """Return how many messages were sent on each channel, those of the tester included."""
+    return dict(sorted(Counter(event.channel for event in events if event.kind == "send").items()))
 
 
 def timing_result(timed: CaseTiming) -> ComponentResult:
@@ -141,9 +148,15 @@ def _unreadable(path: Path, error: Exception) -> BadResults:
 
 
 def _result(entry: Mapping[str, object]) -> ComponentResult:
-    made = ComponentResult(**{**entry, "durations": tuple(cast("list[int]", entry["durations"]))})  # type: ignore[arg-type]
+    durations, sent = tuple(cast("list[int]", entry["durations"])), read_counts(entry.get("sent", {}))
+    made = ComponentResult(**{**entry, "durations": durations, "sent": sent})  # type: ignore[arg-type]
     Verdict(made.verdict)
     return made
+
+
+def read_counts(kept: object) -> dict[str, int]:
+    """Return how many messages each channel carried, as a folder keeps it; none in folders of older versions."""
+    return {str(channel): int(count) for channel, count in cast("dict[str, int]", kept).items()}
 
 
 def entry_of(result: ComponentResult, noise: Noise | None = None) -> dict[str, object]:

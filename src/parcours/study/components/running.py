@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from parcours.abtc import MARK
+from parcours.abtc import MARK, Event
 from parcours.errors import BadResults, HostFailure
 from parcours.report.pieces import Page, Piece, Table
 from parcours.run.atomic import require_writable
@@ -273,8 +273,15 @@ def read_results(study: ComponentStudy, folder: Path) -> Results:
         raise BadResults(str(folder), rule, slug="results-study")
     return results.StudyResults(
         study.name, found, lambda case: _page(study, folder, case), contracts_of(study.model).checks,
-        results.read_landing(folder), lambda where: machine_pieces(study, found.results, where),
+        results.read_landing(folder), functools.partial(_painted, study, found.results),
     )  # fmt: skip
+
+
+def _painted(study: ComponentStudy, found: Sequence[results.ComponentResult], where: str) -> Sequence[Piece]:
+    def order_of(abstract: str) -> Sequence[Event]:
+        return study.order_of(abstract) if abstract in study.abstracts else ()
+
+    return machine_pieces(study.model, order_of, found, where, untaken=study.untaken, prefix="functional/")
 
 
 def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
