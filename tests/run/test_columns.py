@@ -15,6 +15,7 @@ from parcours.run.converting import convert
 from parcours.run.manifest import Campaign, write_manifest
 from parcours.run.stops import Stop, read_stop
 from parcours.run.store import Rows, create, open_results
+from parcours.study.campaign.running import KeptFacts
 
 DTYPE = np.dtype([
     ("number", "<i8"), ("flag", "?"), ("word", "S5"), ("inner", [("x", "<f8"), ("ys", "<f4", (2, 3)), ("z", "<f8")]),
@@ -60,6 +61,20 @@ def former(folder: Path, campaign: Campaign, finished: list[int]) -> None:
         path, cases = folder / f"shard-{shard:06d}.npy", campaign.cases(shard)
         np.save(path, rows(campaign.n_cases)[cases.start : cases.stop])
         path.with_suffix(".npy.sha256").write_text(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n")
+
+
+def test_a_part_has_the_fields_that_are_wanted_also_of_a_record_within(tmp_path: Path) -> None:
+    campaign = Campaign("toy", "plain", 1, 23, DTYPE, shard_size=5)
+    store = create(tmp_path, campaign)
+    for shard in campaign.shards:
+        cases = campaign.cases(shard)
+        store.write(shard, rows(23)[cases.start : cases.stop])
+    facts = KeptFacts(store)
+    (part,) = facts.parts(["flag", "list", "inner.ys", "inner.z"])
+    assert part.dtype.names == ("number", "word", "inner", "values") and part["inner"].dtype.names == ("x",)
+    for found, whole in ((part["word"], rows(23)["word"]), (part["inner"]["x"], rows(23)["inner"]["x"])):
+        assert found.tobytes() == whole.tobytes()
+    assert [one.tobytes() for one in facts.parts()] == [rows(23).tobytes()]
 
 
 def test_an_earlier_versions_folder_is_refused_with_the_command_that_converts_it_and_killed_anywhere_goes_on(

@@ -82,6 +82,14 @@ def test_the_same_command_computes_nothing_again_and_one_without_rules_goes_on(s
     assert len(open_results(tmp_path).load()) == 95
 
 
+def test_a_finished_campaign_is_not_read_for_a_watch_that_ends_nothing(tmp_path: Path) -> None:
+    watch, late = TenHits(), TenHits()
+    watch.hits = late.hits = -100
+    run_campaign(Slowly(), CAMPAIGN, tmp_path, enough=watch)
+    assert watch.looked_at == list(range(0, 95, 10))
+    assert run_campaign(Slowly(), CAMPAIGN, tmp_path, enough=late).finished == 95 and not late.looked_at
+
+
 def test_when_time_is_over_the_first_shards_are_the_results_and_the_same_command_goes_on(tmp_path: Path) -> None:
     def sleepy(first: int, count: int) -> Rows:
         import time

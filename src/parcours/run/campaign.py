@@ -139,9 +139,11 @@ def _run(
     enough: Enough | None, rules: tuple[str, ...], max_time: float | None, address: str,
 ) -> CampaignOutcome:  # fmt: skip
     folder, campaign = store.folder, store.campaign
-    order = _InOrder(store, enough, _may_stop(store, rules))
-    missing = () if order.is_enough() else store.missing()
-    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in store.missing())
+    stop, missing = _may_stop(store, rules), store.missing()
+    # Without rules `enough` only watches the run: a finished campaign need not be read for it.
+    order = _InOrder(store, enough if rules or missing else None, stop)
+    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in missing)
+    missing = () if order.is_enough() else missing
     report = progress or (lambda done, total: None)
     report(finished, campaign.n_cases)
     if address and missing:

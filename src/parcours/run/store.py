@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
@@ -116,6 +117,8 @@ class Store:
     def read(self, shard: int, names: Sequence[str] = ()) -> Rows:
         """Return the results of a finished shard, shape (len(cases),): all fields, or those of these names.
 
+        `inner.x` is the field x of the record `inner`.
+
         Raises:
             BadResults: the shard is missing, cut short, changed since, or of another form.
         """
@@ -123,7 +126,7 @@ class Store:
 
     def _read(self, shards: Sequence[int], names: Sequence[str]) -> Rows:
         dtype, n = self.campaign.dtype, sum(len(self.campaign.cases(shard)) for shard in shards)
-        rows = np.empty(n, [(name, dtype[name]) for name in dtype.names or () if not names or name in names])
+        rows = np.empty(n, _chosen(dtype, names) if names else dtype)
         self._fill(rows, shards)
         return rows
 
@@ -158,7 +161,7 @@ class Store:
         Two threads read ahead: reading is inflating and summing, which Python lets run beside it.
 
         Args:
-            names: the only fields that are wanted; all if empty.
+            names: the only fields that are wanted, as for `read`; all if empty.
 
         Raises BadResults: a shard is damaged.
         """
@@ -267,6 +270,22 @@ def damaged(path: Path, rule: str) -> BadResults:
     """Return the complaint about a shard."""
     remedy = "give the command that ran the campaign again: it computes what is damaged"
     return BadResults(str(path), rule, remedy, slug="shard-damaged")
+
+
+def _chosen(dtype: np.dtype[np.void], names: Sequence[str]) -> np.dtype[np.void]:
+    """Return a record of these fields only, in its order.
+
+    >>> _chosen(np.dtype([("n", "i8"), ("inner", [("x", "f8"), ("y", "f8")])]), ["inner.y"])
+    dtype([('inner', [('y', '<f8')])])
+    """
+    fields: list[tuple[str, np.dtype[Any]]] = []
+    for name in dtype.names or ():
+        within = [one.partition(".")[2] for one in names if one.startswith(f"{name}.")]
+        if name in names:
+            fields.append((name, dtype[name]))
+        elif within:
+            fields.append((name, _chosen(dtype[name], within)))
+    return np.dtype(fields)
 
 
 def _plain(dtype: np.dtype[np.void]) -> np.dtype[np.void]:

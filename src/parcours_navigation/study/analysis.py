@@ -9,14 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.verdict.judgement import Verdict
+from parcours_navigation.measures.table import MEASURES
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published, shares
 from parcours_navigation.requirements.judging import own_values, verdicts
 from parcours_navigation.requirements.tables import Violations, violations_of
 from parcours_navigation.study.campaigns import FinishedCampaign
-from parcours_navigation.study.distribution import MeasureSummary, measured, oracle, straight_ways, summarised, survived
+from parcours_navigation.study.distribution import (
+    SHOWN,
+    MeasureSummary,
+    measured,
+    oracle,
+    straight_ways,
+    summarised,
+    survived,
+)
 
 ASKED = 10_000
 """The earliest conceivable arrival, which SCT needs, and survivability are asked for this many first cases only."""
+
+_UNREAD = (
+    "x", "y", "heading", "t_end", "t_last_moving", "t_contact", "t_robot_contact", "t_shared_contact",
+    "t_min_clearance", "halted_time", "n_obstacle_contacts", "n_control_cycles", "n_track",
+    *(f"measures.{name}" for name in MEASURES.names or () if not (name in SHOWN and SHOWN[name].taken)
+      and name != "displacement"),
+)  # fmt: skip
+"""Facts that no figure of a summary depends on: half of the bytes of a campaign."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +95,11 @@ def analyse(campaign: FinishedCampaign) -> Ended:
     known: dict[str, list[NDArray[np.float64]]] = {}
     required: tuple[Violations, ...] = ()
     own, judged = {}, None
-    for facts in [campaign.facts] if asked else campaign.parts():
+    for facts in [campaign.facts] if asked else campaign.parts(_UNREAD):
         first = facts["number"][: max(ASKED - n, 0)]
         earliest, survival = np.full((2, len(facts)), np.nan)
         if len(first):
-            earliest[: len(first)] = oracle(cases, first)["earliest_outer"]
+            earliest[: len(first)] = oracle(cases, first, inner=False)["earliest_outer"]
             survival[: len(first)] = survived(cases, first)
         straight = straight_ways(cases, facts["number"], facts["measures"])
         part = measured(facts, facts["measures"], earliest=earliest, survival=survival, straight=straight)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol as TypingProtocol
@@ -48,8 +48,8 @@ class FinishedCampaign(TypingProtocol):
     def facts(self) -> NDArray[np.void]:
         """Facts of its finished cases, shape (n,)."""
 
-    def parts(self) -> Iterator[NDArray[np.void]]:
-        """Yield the facts part by part, as far as a summary needs them."""
+    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part, without those that no table shows, and without these."""
 
     def holding(self, facts: NDArray[np.void]) -> FinishedCampaign:
         """Return it with facts of some of its cases."""
@@ -87,9 +87,9 @@ class NavigationResults:
         """Facts of its finished cases, array of FACTS, shape (n,)."""
         return self.kept.whole
 
-    def parts(self) -> Iterator[NDArray[np.void]]:
-        """Yield the facts part by part."""
-        return self.kept.parts()
+    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part, without these."""
+        return self.kept.parts(without)
 
     def holding(self, facts: NDArray[np.void]) -> NavigationResults:
         """Return it with facts of some of its cases."""

@@ -110,8 +110,12 @@ def oracle(
     cases: SystemCases | WorldCases,
     numbers: NDArray[np.int64],
     progress: Callable[[int, int], None] = lambda done, total: None,
+    inner: bool = True,
 ) -> NDArray[np.void]:
-    """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,)."""
+    """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,).
+
+    Without `inner`, only `earliest_outer` is to be read: what a score needs.
+    """
     if isinstance(cases, WorldCases):
         return solve_worlds(cases, numbers, progress)
     found = np.zeros(len(numbers), SOLVABILITY)
@@ -120,6 +124,7 @@ def oracle(
         found[part] = solve(
             cases.obstacles(numbers[part]), start=START, goal=GOAL, tolerance=GOAL_TOLERANCE,
             limit=cases.end(TIME_LIMIT), v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
+            inner=inner,
         )  # fmt: skip
         progress(min(first + _AT_ONCE, len(numbers)), len(numbers))
     return found

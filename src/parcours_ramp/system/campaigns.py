@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -40,9 +40,9 @@ class SystemResults:
         """Facts of its finished cases, array of FACTS, shape (n,)."""
         return self.kept.whole
 
-    def parts(self) -> Iterator[NDArray[np.void]]:
-        """Yield the facts part by part, without the counts of transitions, which are a third of them."""
-        return self.kept.parts(("transitions",))
+    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part, without these and the counts of transitions, which are a third of them."""
+        return self.kept.parts(("transitions", *without))
 
     def holding(self, facts: NDArray[np.void]) -> SystemResults:
         """Return it with facts of some of its cases."""

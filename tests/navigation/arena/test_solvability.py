@@ -172,6 +172,14 @@ def test_no_robot_that_met_nothing_ever_arrived_where_the_outer_set_says_nobody_
     assert (found["earliest_outer"] <= facts["t_goal"] / SECOND + 1e-9).all()
 
 
+def test_without_the_inner_set_nobody_arrives_earlier_or_later_by_the_outer_one() -> None:
+    cases = SystemCases(5).obstacles(np.arange(300))
+    both, outer = (solve(cases, robot_radius=0.4, inner=inner) for inner in (True, False))
+    assert (both["earliest_outer"] == outer["earliest_outer"]).all()
+    assert ((outer["answer"] == UNSOLVABLE) == (both["answer"] == UNSOLVABLE)).all()
+    assert (np.isfinite(outer["earliest_inner"]) <= (outer["earliest_inner"] == outer["earliest_outer"])).all()
+
+
 # ------------------------------------------------------------------------- the sets themselves
 
 

@@ -141,13 +141,13 @@ class KeptFacts:
         """Yield the facts some thousand cases at a time: a million cases need little memory.
 
         Args:
-            without: fields that are not wanted.
+            without: fields that are not wanted; `inner.x` is the field x of the record `inner`.
         """
         if "whole" in self.__dict__ or not self._store.in_order():
             yield self.whole
             return
         numbers, at = self._numbers(), 0
-        for part in self._store.parts([name for name in self._store.campaign.dtype.names or () if name not in without]):
+        for part in self._store.parts(list(_left(self._store.campaign.dtype, without))):
             self._require(part, numbers[at : at + len(part)])
             at += len(part)
             yield part
@@ -164,3 +164,12 @@ class KeptFacts:
         if not np.array_equal(facts["number"], numbers):
             rule = "shards must hold the cases that their numbers say, but do not"
             raise BadResults(str(self._store.folder), rule, "run the campaign again with --fresh", slug="results-order")
+
+
+def _left(dtype: np.dtype[np.void], without: Collection[str], within: str = "") -> Iterator[str]:
+    """Yield the fields of a record that are left, those of a record within it that loses some by themselves."""
+    for name in dtype.names or ():
+        if any(one.startswith(f"{within}{name}.") for one in without):
+            yield from _left(dtype[name], without, f"{within}{name}.")
+        elif f"{within}{name}" not in without:
+            yield f"{within}{name}"
