@@ -208,11 +208,11 @@ TESTER = """
 import sys, time
 from pathlib import Path
 from parcours.model.model_file import parse_model
-from parcours.study.components.program import Program
+from parcours.study.components.program import ProgramComponent
 from parcours.study.components.systems import ProgramPart
 
 lock = parse_model(Path("lock.yaml").read_text(), "lock.yaml")
-component = Program(lock.component("Bolt"), ProgramPart((sys.executable, "bolt.py")), {}, "", 0, 60.0)
+component = ProgramComponent(lock.component("Bolt"), ProgramPart((sys.executable, "bolt.py")), {}, "", 0, 60.0)
 print(next(component.handle("push", "", 0)).sends[0][1], flush=True)
 sys.stdin.readline()
 """

@@ -217,8 +217,8 @@ Part: TypeAlias = str | Whole
 class ChartParser(syntax.Parser):
     """Reads JavaScript with objects and lists written out.
 
-    >>> from parcours_formats.guard_languages import Tokens
-    >>> ChartParser(Tokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().arguments[:2]
+    >>> from parcours_formats.guard_languages import ForeignTokens
+    >>> ChartParser(ForeignTokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().arguments[:2]
     (Name(id='a'), Literal(value=1, unit=''))
     """
 

@@ -18,7 +18,14 @@ from parcours.kernels import IS_COMPILED
 from parcours_navigation.others.agents import begin_agents, step_agents
 from parcours_navigation.others.drawing import drawn
 from parcours_navigation.others.entries import Others
-from parcours_navigation.others.kinds import ConstantVelocity, Orca, RandomWalk, Recorded, SocialForce, Waypoints
+from parcours_navigation.others.kinds import (
+    ConstantVelocity,
+    OrcaPeople,
+    RandomWalk,
+    Recorded,
+    SocialForcePeople,
+    Waypoints,
+)
 from parcours_navigation.others.tracks import Tracks
 from parcours_navigation.robots.body import command_body
 from parcours_navigation.robots.driving import drive_body
@@ -26,7 +33,7 @@ from parcours_navigation.robots.kinds import PRESETS, Odometry
 
 some = {"area": (0.5, 0.5, 8.5, 8.5), "radius": 0.2}
 others = [
-    Others(SocialForce(), number=10, group=3, **some), Others(Orca(), number=10, **some),
+    Others(SocialForcePeople(), number=10, group=3, **some), Others(OrcaPeople(), number=10, **some),
     Others(RandomWalk(between=(0.1, 0.3)), number=3, **some), Others(ConstantVelocity(), number=9, **some),
     Others(Waypoints(((1.0, 1.0), (2.0, 2.0), (2.0, 1.0))), number=2, radius=0.2),
     Others(Recorded(Tracks(("a",), (np.array([[0.0, 1.0, 1.0], [1.0, 2.0, 2.0]]),)))),
