@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -338,6 +339,15 @@ def test_a_manifest_that_is_not_ours_is_refused(tmp_path: Path, change: dict[str
     path.write_text(json.dumps(json.loads(path.read_text()) | change) if change else path.read_text()[:-20])
     with pytest.raises(BadResults, match=rf"\[{slug}\]"):
         open_results(tmp_path / "c")
+
+
+def test_units_are_kept_and_decide_nothing(tmp_path: Path) -> None:
+    said = dataclasses.replace(campaign(), units={"x": "m"})
+    assert create(tmp_path / "said", said).campaign.units == said.units
+    assert open_results(tmp_path / "said").campaign == said
+    create(tmp_path / "former", campaign())  # by a version that kept none
+    assert create(tmp_path / "former", said).campaign == campaign()
+    assert create(tmp_path / "said", campaign()).campaign == said
 
 
 def test_a_folder_without_a_manifest_is_refused(tmp_path: Path) -> None:

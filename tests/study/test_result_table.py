@@ -98,6 +98,11 @@ def test_pandas_alone_computes_the_reports_table_from_the_parquet(ramp: Path, tm
     units = {name: schema.field(name).metadata[b"unit"] for name in ("travelled", "t_end", "heading", "v1")}
     assert units == {"travelled": b"m", "t_end": b"ns", "heading": b"rad", "v1": b"m/s"}
     assert schema.metadata[b"parcours"] == b"results/1"
+    kept = json.loads((ramp / "campaign.json").read_bytes())["units"]
+    shard = parquet.read_schema(ramp / "shard-000000.parquet")
+    assert set(kept) <= set(shard.names) and (kept["t_end"], kept["measures.path_length"]) == ("ns", "m")
+    table = read_table(ramp)
+    assert table.frame().attrs["units"] == {name: one.unit for name, one in table.columns.items()}
 
 
 def test_sql_answers_as_the_groups_do_and_reads_no_file(ramp: Path, table: ResultTable, tmp_path: Path) -> None:

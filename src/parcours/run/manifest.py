@@ -32,6 +32,7 @@ class Campaign:
         dtype: the record of one case; padding and byte order are normalised.
         parameters: whatever else the study depends on; JSON values only.
         shard_size: cases a shard, at least 1.
+        units: of columns of the shards, by name (`measures.duration`), for who reads them; the others are numbers.
 
     Raises:
         BadRequest: a count is out of range, or the dtype or parameters cannot be stored.
@@ -48,6 +49,7 @@ class Campaign:
     dtype: np.dtype[np.void]
     parameters: Mapping[str, object] = field(default_factory=dict)
     shard_size: int = 256
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, least in (("seed", 0), ("n_cases", 1), ("shard_size", 1)):
@@ -89,6 +91,7 @@ class Campaign:
             "n_cases": self.n_cases,
             "shard_size": self.shard_size,
             "dtype": json.loads(json.dumps(np.lib.format.dtype_to_descr(self.dtype))),
+            **({"units": dict(self.units)} if self.units else {}),
         }
 
     @property
@@ -155,6 +158,7 @@ def read_manifest(folder: Path, form: str = FORMAT) -> Campaign:
             dtype=np.lib.format.descr_to_dtype(_tuples(document["dtype"])),  # type: ignore[arg-type]
             parameters=document["parameters"],
             shard_size=document["shard_size"],
+            units={_text(name): _text(unit) for name, unit in document.get("units", {}).items()},
         )
     # A changed file may hold anything: NumPy parses the type codes, and raises whatever its parser does.
     except (ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError, ValueError,

@@ -14,6 +14,7 @@ import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -226,7 +227,8 @@ def create(folder: Path, campaign: Campaign) -> Store:
         write_manifest(folder, campaign)
         return Store(folder, campaign)
     store = open_results(folder)
-    differing = differences(campaign.manifest(), store.campaign.manifest())
+    asked = replace(campaign, units=store.campaign.units)  # they decide no result
+    differing = differences(asked.manifest(), store.campaign.manifest())
     if differing:
         rule = f"holds another campaign: {'; '.join(differing[:5])}"
         remedy = "name another folder, or give --fresh to discard its results and start again"

@@ -24,6 +24,7 @@ from parcours.study.protocol import Results
 from parcours.verdict.statistics import Rate, wilson
 
 if TYPE_CHECKING:
+    import pandas
     import pyarrow
 
 FORMAT = "results/1"
@@ -139,6 +140,16 @@ class ResultTable:
             fields.append(pa.field(name, array.type, metadata={"unit": column.unit}))
         about = {"parcours": FORMAT, "label": self.label, "rates": ",".join(self.rates)}
         found: pyarrow.Table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
+        return found
+
+    def frame(self) -> pandas.DataFrame:
+        """Return it as a data frame of pandas: the units of its columns are `frame.attrs["units"]`, by name.
+
+        Raises BadRequest: pyarrow or pandas is not installed.
+        """
+        imported("pandas")
+        found: pandas.DataFrame = self.arrow().to_pandas()
+        found.attrs["units"] = {name: column.unit for name, column in self.columns.items()}
         return found
 
 

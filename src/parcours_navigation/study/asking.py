@@ -10,7 +10,9 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Request
 from parcours_navigation.cases.family import PROTOCOLS, PUBLISHED_CASES, SystemCases
 from parcours_navigation.cases.running import Family
+from parcours_navigation.facts import UNITS
 from parcours_navigation.guests.staging import Cases
+from parcours_navigation.measures.table import METRICS
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import find_world
 from parcours_navigation.worlds.paper import paper_cases
@@ -37,6 +39,9 @@ MEASURES = (
     Parameter("measure", "text", "", "measures of your own: 'hesitation: time_at_rest / time; crowd: mine.py:crowd'"),
 )
 """Measures of the user's own (docs/requirements.md#measures-of-your-own)."""
+
+KEPT_UNITS = UNITS | {f"measures.{one.name}": one.unit for one in METRICS}
+"""The units of what is kept of a case, as columns of shards are called."""
 
 TIME_LIMIT_DOC = "of a case, after its static second; under the published protocol with it"
 

@@ -23,6 +23,7 @@ from parcours_navigation.requirements.remarks import remarks
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.asking import (
     CASES,
+    KEPT_UNITS,
     MEASURES,
     REQUIREMENTS,
     TIME_LIMIT_DOC,
@@ -117,7 +118,7 @@ class Navigation:
         return run_numbered(
             self.name, self.where, study, request.n_cases or self.n_cases, chosen, question_of(self, request),
             int(request.settings["workers"]), request, progress, str(request.settings["planner"]),
-            lambda facts: rates(facts, study.requirements),
+            lambda facts: rates(facts, study.requirements), KEPT_UNITS,
         )  # fmt: skip
 
     def read(self, folder: Path) -> Results:

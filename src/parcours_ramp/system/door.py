@@ -18,7 +18,15 @@ from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
 from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.requirement import read_requirements
-from parcours_navigation.study.asking import CASES, REQUIREMENTS, TIME_LIMIT_DOC, asked_for, cases_of, question_of
+from parcours_navigation.study.asking import (
+    CASES,
+    KEPT_UNITS,
+    REQUIREMENTS,
+    TIME_LIMIT_DOC,
+    asked_for,
+    cases_of,
+    question_of,
+)
 from parcours_ramp.planner import DECIDING
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import LIVE_FILE, SCHEDULES, SystemStudy, system_study
@@ -124,7 +132,7 @@ class RampSystem:
         n_cases, chosen = request.n_cases or PUBLISHED_CASES, asked_for(study.cases, request)
         run = run_numbered(
             self.name, self.where, study, n_cases, chosen, question, int(settings["workers"]), request, progress,
-            str(settings["schedule"]), lambda facts: rates(facts, study.requirements),
+            str(settings["schedule"]), lambda facts: rates(facts, study.requirements), KEPT_UNITS,
         )  # fmt: skip
         if (every := int(settings["judged"])) and not run.interrupted:
             from parcours_ramp.system.sampling import sample

@@ -70,6 +70,7 @@ class Chosen:
 def run_numbered(
     name: str, where: str, numbered: Numbered, n_cases: int, chosen: tuple[int, ...], question: Mapping[str, object],
     workers: int, request: Request, progress: Progress, label: str, rates: Rates,
+    units: Mapping[str, str],
 ) -> Run:  # fmt: skip
     """Compute what is missing of a campaign in the request's folder.
 
@@ -85,10 +86,11 @@ def run_numbered(
         progress: reports how far it is.
         label: what runs, in a word or two.
         rates: what the cases count for each rate that rules may ask for; `failed` is among them.
+        units: of what is kept of a case, as columns of the shards are called.
 
     Raises BadRequest, BadResults, HostFailure: as `run_campaign`.
     """
-    campaign = numbered.campaign(len(chosen) or n_cases)
+    campaign = dataclasses.replace(numbered.campaign(len(chosen) or n_cases), units=units)
     simulate: object = numbered
     if chosen:
         campaign = dataclasses.replace(campaign, parameters={**campaign.parameters, CHOSEN: list(chosen)})

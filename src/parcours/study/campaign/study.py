@@ -231,6 +231,7 @@ class CampaignStudy:
             self.name, self.where, simulation, len(self.plan(request.seed, request.n_cases)), numbers, question,
             int(request.settings["workers"]), request, progress, simulation.label,
             lambda facts: rates_of(self, facts, outcomes_of(self, facts, request.settings, request.seed)),
+            {one.name: one.unit for one in self.facts},
         )  # fmt: skip
 
     def read(self, folder: Path) -> Results:
