@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.requirements.kernel import judge
 from parcours_navigation.requirements.programs import compile_formulas
 from parcours_navigation.requirements.requirement import Monitor, Requirements, requirements_of
 from parcours_navigation.study.study import NavigationStudy
@@ -89,12 +90,16 @@ def costs(cases: int) -> None:
     entries[:, 7:] = places.reshape(len(track), -1)
     radii, goal = np.full(places.shape[1], 0.1), (2.0, 2.0)
     n = len(compile_formulas([one.formula for one in asked.formulas]).code)
-    monitor = Monitor(asked, len(track) + 2)
-    alone = best(lambda: monitor.judge(0, entries, entries[-1], radii, 0.125, goal), 1000)
+
+    def alone_of(requirements: Requirements) -> float:
+        monitor, found = Monitor(requirements, len(track) + 2), np.zeros((2, len(requirements.formulas)))
+        program = monitor.program
+        arrays = program.code, program.roots, program.wanted, monitor.memory, monitor.absent, *found
+        return best(lambda: judge(entries, entries[-1], radii, 0.125, *goal, *arrays), 1000)
+
+    alone = alone_of(asked)
     print(f"\n12 formulas ({n} instructions) over a track of {len(track)} samples: {alone:.1f} us, signals included")
-    single = Monitor(requirements_of({"one": "always clearance > 0.05"}), len(track) + 2)
-    empty = best(lambda: single.judge(0, entries, entries[-1], radii, 0.125, goal), 1000)
-    print(f"one of them alone: {empty:.1f} us")
+    print(f"one of them alone: {alone_of(requirements_of({'one': 'always clearance > 0.05'})):.1f} us")
 
     def paired(before: Callable[[], object], after: Callable[[], object], name: str) -> None:
         before(), after()

@@ -25,9 +25,12 @@ def _oracle() -> None:
 
 
 def _requirements() -> None:
-    from parcours_navigation.requirements.requirement import Monitor, requirements_of
+    from parcours_navigation.cases.family import SystemCases
+    from parcours_navigation.requirements.requirement import requirements_of
+    from parcours_navigation.study.study import NavigationStudy
 
-    Monitor(requirements_of({"any": "always clearance > 0"}), 2)
+    asked = requirements_of({"any": "always clearance > 0"})
+    NavigationStudy("stand-still", SystemCases(0), requirements=asked)(0, 1)
 
 
 def _route() -> None:

@@ -11,6 +11,7 @@ from parcours.kernels import Record, kernel
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
+from parcours_navigation.requirements.kernel import judge as judge_track
 from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.stage import moving
@@ -58,9 +59,48 @@ def conclude(
     )  # fmt: skip
     if monitor is None:
         return ()
-    runs = [_judge(memory, monitor, each, facts[k : k + 1])
-            for k, (memory, each) in enumerate(zip(memories, staged, strict=True))]  # fmt: skip
-    return tuple(run for run in runs if run is not None)
+    if monitor.program.roots.size:
+        results = judge(memories, monitor, bodies, float(last.robot_radius), (float(x), float(y)))
+        monitor.results.update(zip([each.number for each in staged], results, strict=True))
+    if not monitor.measures:
+        return ()
+    goals = tuple(each.goal for each in (one.task, *one.goals))
+    return tuple(
+        CaseRun(each.number, *track_of(memory), np.ascontiguousarray(each.scene.obstacles["radius"]), gaps_of(memory),
+                each.task.robot_radius, goals, facts[k].copy())
+        for k, (memory, each) in enumerate(zip(memories, staged, strict=True))
+    )  # fmt: skip
+
+
+def judge(memories: Floats, monitor: Monitor, bodies: int, robot_radius: float, goal: tuple[float, float]) -> Floats:
+    """Return the robustness of each requirement up to now, and when it is decided [s], shape (n, 2, n_requirements)."""
+    program, results = monitor.program, np.empty((len(memories), 2, len(monitor.program.roots)))
+    _judge_all(
+        memories, robot_radius, *goal, np.empty(bodies), np.empty(ROW + 2 * bodies), program.code, program.roots,
+        program.wanted, monitor.memory, monitor.absent, results,
+    )  # fmt: skip
+    return results
+
+
+@kernel
+def _judge_all(
+    memories: Floats, robot_radius: float, x: float, y: float, radii: Floats, last: Floats, code: Ints, roots: Ints,
+    wanted: Ints, memory: Floats, absent: Ints, results: Floats,
+) -> None:  # fmt: skip
+    """Judge each case as `judge_track` does; `radii` and `last` have room for all bodies."""
+    for k in range(len(memories)):
+        case = memories[k]
+        stage = case[AT_STAGE:AT_WORLD].view(STAGE)[0]
+        obstacles, row = obstacles_of(case, stage), ROW + 2 * stage.n
+        for j in range(stage.n):
+            radii[j] = obstacles[j].radius
+        moving.present(case, last)
+        if not stage.plain:
+            last[ROW - 1] = ground_gap(case)
+        entries = case[stage.at_track : stage.at_track + stage.n_track * row].reshape(stage.n_track, row)
+        judge_track(
+            entries, last, radii, robot_radius, x, y, code, roots, wanted, memory, absent, results[k, 0], results[k, 1]
+        )
 
 
 @kernel
@@ -107,18 +147,3 @@ def sum_up_later(memories: Floats, rows: Ints, facts: Record) -> None:
         found.t_goal_after = goal_time(memory)
         touched_later(memory, found)
         found.moved_after = found.t_goal_after != NEVER or moved_since(memory, found.t_end + 1_000_000_000)
-
-
-def _judge(memory: Floats, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> CaseRun | None:
-    """Judge requirements over the way up to now; return what the user's own measures read, None if there are none."""
-    rows = recorded(memory)[0]
-    moving.present(memory, last := np.zeros(rows.shape[1]))
-    if not staged.scene.plain:
-        last[ROW - 1] = ground_gap(memory)
-    radii = np.ascontiguousarray(staged.scene.obstacles["radius"])
-    goals, size = tuple(one.goal for one in (staged.task, *staged.goals)), staged.task.robot_radius
-    if monitor.program.roots.size:
-        monitor.judge(staged.number, rows, last, radii, size, goals[-1])
-    if not monitor.measures:
-        return None
-    return CaseRun(staged.number, *track_of(memory), radii, gaps_of(memory), size, goals, facts[0].copy())

@@ -1,4 +1,4 @@
-"""Judges all formulas of a program over the signals of one case, compiled: linear in samples, whatever the windows.
+"""Judges all formulas of a program over the signals of one case, compiled: n samples and windows of w take n log w steps.
 
 Robustness is the one of A. Donze and O. Maler (Robust Satisfaction of Temporal Logic over Real-Valued Signals, FORMATS
 2010) over samples. Beyond the end of a track `always` asks for nothing, and `eventually` and `until` find nothing.
@@ -42,71 +42,79 @@ Ints = NDArray[np.int64]
 
 
 @kernel
-def _least(values: Floats, first: int, last: int) -> float:
-    """Return the least of values first .. last; infinite if there are none."""
-    # Four at a time: each minimum waits for the one before it.
-    a = b = c = d = np.inf
-    i = first
-    while i + 3 <= last:
+def _least(values: Floats) -> float:
+    """Return the least of the values; infinite if there are none."""
+    # Eight at a time: each minimum waits for the one before it.
+    a = b = c = d = e = f = g = h = np.inf
+    n = len(values) // 8 * 8
+    for i in range(0, n, 8):
         a = values[i] if values[i] < a else a
         b = values[i + 1] if values[i + 1] < b else b
         c = values[i + 2] if values[i + 2] < c else c
         d = values[i + 3] if values[i + 3] < d else d
-        i += 4
-    while i <= last:
+        e = values[i + 4] if values[i + 4] < e else e
+        f = values[i + 5] if values[i + 5] < f else f
+        g = values[i + 6] if values[i + 6] < g else g
+        h = values[i + 7] if values[i + 7] < h else h
+    for i in range(n, len(values)):
         a = values[i] if values[i] < a else a
-        i += 1
-    a = b if b < a else a
-    c = d if d < c else c
-    return c if c < a else a
+    return min(min(min(a, b), min(c, d)), min(min(e, f), min(g, h)))
 
 
 @kernel
-def _windows(values: Floats, out: Floats, low: int, high: int, first: int, last: int, end: int) -> None:
+def _lesser(values: Floats, step: int, out: Floats) -> None:
+    """Fill out[i] with the lesser of values[i] and values[i + step], which is infinite beyond the end."""
+    n = max(len(values) - step, 0)
+    later = values[step:]
+    for i in range(n):
+        out[i] = later[i] if later[i] < values[i] else values[i]
+    for i in range(n, len(values)):
+        out[i] = values[i]
+
+
+@kernel
+def _windows(
+    values: Floats, out: Floats, aside: Floats, low: int, high: int, first: int, last: int, end: int
+) -> None:  # fmt: skip
     """Fill out[i], low <= i <= high, with the least of values[i + first .. i + last]; `end` is the last sample.
 
-    M. van Herk (1992): cut into blocks as long as the window, a window is the end of one block and the start of the
-    next.
+    Windows double until two of them overlap to one that is as wide as asked, in passes that take many samples at once:
 
-        values    |  .  .  .  .  |  .  .  .  .  |  .  .  .
-        window           [ suffix| prefix ]
+        width 1  |.|
+        width 2  |. .|
+        width 4  |. . . .|
+        width 6  |. . . .|
+                     |. . . .|
+
+    Args:
+        aside: working memory, shape (at least n_samples,).
     """
-    begin = low + first
-    width = last - first + 1
     stop = min(high + last, end)  # last value that is read
-    if begin > stop:
+    if low + first > stop:
         out[low : high + 1] = np.inf
         return
+    given = values[low + first : stop + 1]
     if low == high:
-        out[low] = _least(values, begin, stop)
+        out[low] = _least(given)
         return
-    # Windows that reach beyond the end: all that is left of the values.
-    whole = stop - width + 1  # last value at which a whole window starts
-    rest = np.inf
-    for j in range(stop, max(whole, begin - 1), -1):
-        rest = values[j] if values[j] < rest else rest
-        if j - first <= high:
-            out[j - first] = rest
-    for i in range(max(stop - first + 1, low), high + 1):
+    n = len(given)
+    width = min(last - first + 1, n)
+    for i in range(low + n, high + 1):
         out[i] = np.inf
-    if whole < begin:
-        return
-    block = begin + (whole - begin) // width * width  # where the last block with a start of a window begins
-    while block >= begin:
-        rest = np.inf
-        for j in range(min(block + width - 1, stop), block - 1, -1):
-            rest = values[j] if values[j] < rest else rest
-            if j <= whole:
-                out[j - first] = rest
-        block -= width
-    block = begin + width
-    while block <= stop:
-        rest = np.inf
-        for j in range(block, min(block + width - 1, stop + 1)):
-            rest = values[j] if values[j] < rest else rest
-            i = j - width + 1 - first
-            out[i] = rest if rest < out[i] else out[i]
-        block += width
+    passes, wide = 1, 2
+    while wide < width:
+        passes, wide = passes + 1, 2 * wide
+    found, spare = out[low : low + n], aside[:n]
+    source, wide = given, 1
+    for k in range(passes):  # the last one ends in `found`
+        step = min(wide, width - wide)
+        if (passes - k) % 2:
+            _lesser(source, step, found)
+            source = found
+        else:
+            _lesser(source, step, spare)
+            source = spare
+        wide += step
 
 
 @kernel
@@ -152,19 +160,20 @@ def _arithmetic(operation: int, a: Floats, b: Floats, out: Floats, n: int) -> No
 
 
 @kernel
-def _choose(operation: int, a: Floats, b: Floats, out: Floats, low: int, high: int) -> None:
-    """Fill out[low .. high] with the one or the other."""
+def _choose(operation: int, a: Floats, b: Floats, out: Floats) -> None:
+    """Fill out with the one or the other."""
+    n = len(out)
     if operation == NEGATE:
-        for i in range(low, high + 1):
+        for i in range(n):
             out[i] = -a[i]
     elif operation == LEAST:
-        for i in range(low, high + 1):
+        for i in range(n):
             out[i] = b[i] if b[i] < a[i] else a[i]
     elif operation == GREATEST:
-        for i in range(low, high + 1):
+        for i in range(n):
             out[i] = b[i] if b[i] > a[i] else a[i]
     elif operation == IMPLY:
-        for i in range(low, high + 1):
+        for i in range(n):
             out[i] = b[i] if b[i] > -a[i] else -a[i]
 
 
@@ -191,7 +200,7 @@ def evaluate(code: Ints, roots: Ints, memory: Floats, absent: Ints, n: int, robu
         robustness: NaN where a comparison has no value at some sample; shape (n_formulas,).
         when: index of the sample, NaN where robustness is not negative; shape (n_formulas,).
     """
-    base = len(memory) - len(code)
+    base, aside = len(memory) - len(code) - 1, memory[-1]
     absent[:base] = 0
     for k in range(len(code)):
         operation, left, right = code[k, OPERATION], code[k, LEFT], code[k, RIGHT]
@@ -201,11 +210,11 @@ def evaluate(code: Ints, roots: Ints, memory: Floats, absent: Ints, n: int, robu
         if operation == COMPARE:
             absent[base + k] += _compare(a, b, out, n)
         elif operation == WINDOW:
-            _windows(a, out, low, high, code[k, FIRST], code[k, LAST], n - 1)
+            _windows(a, out, aside, low, high, code[k, FIRST], code[k, LAST], n - 1)
         elif operation == UNTIL:
             _until(a, b, out, low, min(high + code[k, LAST], n - 1))
         elif operation >= NEGATE:
-            _choose(operation, a, b, out, low, high)
+            _choose(operation, a[low : high + 1], b[low : high + 1], out[low : high + 1])
         else:
             _arithmetic(operation, a, b, out, n)
     for k in range(len(roots)):

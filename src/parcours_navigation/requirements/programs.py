@@ -56,7 +56,7 @@ _Part = tuple[int, int | str, int, int, int]  # operation, what it reads (a name
 class Program:
     """Formulas, ready to be judged by `kernel.evaluate`.
 
-    Rows of its memory: the signals, in the order of SIGNALS; constants; one row an instruction.
+    Rows of its memory: the signals, in the order of SIGNALS; constants; one row an instruction; one to work in.
     """
 
     code: NDArray[np.int64]  # shape (n_instructions, WIDTH)
@@ -67,7 +67,7 @@ class Program:
     def memory(self, n_samples: int) -> NDArray[np.float64]:
         """Return memory for tracks of at most this many samples, shape (n_rows, n_samples)."""
         first = len(self.wanted)
-        rows = np.zeros((first + len(self.constants) + len(self.code), n_samples))
+        rows = np.zeros((first + len(self.constants) + len(self.code) + 1, n_samples))
         rows[first : first + len(self.constants)] = self.constants[:, np.newaxis]
         return rows
 

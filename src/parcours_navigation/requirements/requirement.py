@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest, BadResults
-from parcours_navigation.requirements.kernel import evaluate, judge
+from parcours_navigation.requirements.kernel import evaluate
 from parcours_navigation.requirements.own import digest_of, file_of_measure
 from parcours_navigation.requirements.parsing import Parsed, parse, parse_number
 from parcours_navigation.requirements.programs import Program, compile_formulas
@@ -216,40 +216,16 @@ def _lines(text: str) -> list[str]:
 
 
 class Monitor:
-    """Judges the requirements of a study over one case after the other; `results` keeps them by case number.
-
-    >>> monitor = Monitor(requirements_of({"slow": "always speed < 0.2"}), 10)
-    >>> entries = np.zeros((3, 7))
-    >>> entries[:, 0], entries[:, 4] = [0, 50_000_000, 100_000_000], [0.1, 0.25, 0.1]  # time [ns], speed
-    >>> monitor.judge(7, entries, entries[2], np.zeros(0), 0.1, (2.0, 2.0))
-    >>> monitor.results[7].round(3).tolist()  # robustness, and when it is decided [s]
-    [[-0.05], [0.05]]
-    """
+    """The requirements of a study, compiled, with memory to judge cases in; `results` keeps them by case number."""
 
     def __init__(self, requirements: Requirements, n_samples: int) -> None:
         self.program: Program = compile_formulas([one.formula for one in requirements.formulas])
-        n = len(requirements.formulas)
         self.memory = self.program.memory(n_samples)
         self.absent = np.zeros(len(self.memory), np.int64)
+        # Robustness, and when it is decided [s] where it is negative, shape (2, n_requirements)
         self.results: dict[int, Floats] = {}
         self.own: dict[int, tuple[float, ...]] = {}  # values of measures in Python, by case number
         self.measures = requirements.in_python
-        self._n = n
-        if n:
-            self.judge(0, np.zeros((1, 7)), np.zeros(7), np.zeros(0), 0.0, (0.0, 0.0))  # compiled before a clock runs
-        self.results.clear()
-
-    def judge(
-        self, number: int, entries: Floats, last: Floats, radii: Floats, robot_radius: float,
-        goal: tuple[float, float],
-    ) -> None:  # fmt: skip
-        """Judge case `number`; the other arguments as in `signals.take`."""
-        found = self.results[number] = np.zeros((2, self._n))
-        program = self.program
-        judge(
-            entries, last, radii, robot_radius, goal[0], goal[1], program.code, program.roots, program.wanted,
-            self.memory, self.absent, found[0], found[1],
-        )  # fmt: skip
 
 
 def robustness_of(formulas: Sequence[Formula], signals: Mapping[str, ArrayLike]) -> tuple[Floats, Floats]:

@@ -64,15 +64,22 @@ def _clearances(entries: Floats, last: Floats, radii: Floats, robot_radius: floa
     first = entries.shape[1] - 2 * len(radii)
     if first > _GROUND:
         _column(entries, last, n, _GROUND, out)
-    for k in range(len(radii)):
-        column = first + 2 * k
-        for i in range(len(entries)):
-            dx, dy = entries[i, column] - entries[i, _ENTRY_X], entries[i, column + 1] - entries[i, _ENTRY_Y]
-            gap = np.sqrt(dx * dx + dy * dy) - radii[k] - robot_radius
+    k = 0
+    while k < len(radii):
+        begin, same = first + 2 * k, 1
+        while k + same < len(radii) and radii[k + same] == radii[k]:
+            same += 1
+        # Of bodies of one radius the closest has the least gap, rounding included: one root for all of them.
+        for i in range(n):
+            entry = entries[i] if i < len(entries) else last
+            least = np.inf
+            for j in range(begin, begin + 2 * same, 2):
+                dx, dy = entry[j] - entry[_ENTRY_X], entry[j + 1] - entry[_ENTRY_Y]
+                square = dx * dx + dy * dy
+                least = square if square < least else least
+            gap = np.sqrt(least) - radii[k] - robot_radius
             out[i] = gap if gap < out[i] else out[i]
-        if n > len(entries):
-            dx, dy = last[column] - last[_ENTRY_X], last[column + 1] - last[_ENTRY_Y]
-            out[n - 1] = min(out[n - 1], np.sqrt(dx * dx + dy * dy) - radii[k] - robot_radius)
+        k += same
 
 
 @kernel

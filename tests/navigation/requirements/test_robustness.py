@@ -139,6 +139,7 @@ def test_numbers_are_computed_as_python_computes_them() -> None:
 SCRIPT = """
 import numpy as np
 from parcours import kernels
+from parcours_navigation.requirements.kernel import judge
 from parcours_navigation.requirements.requirement import Monitor, requirements_of
 from parcours_navigation.requirements.vocabulary import SIGNALS
 from temporal_logic import draw_formula, draw_traces, ours
@@ -149,8 +150,10 @@ monitor = Monitor(requirements_of(every), 30)
 entries = rng.normal(size=(20, 11))
 entries[:, 0] = np.arange(20) * 50_000_000
 last = entries[-1] + 1e7
-monitor.judge(0, entries, last, np.array([0.1, 0.2]), 0.1, (2.0, 2.0))
-print(monitor.results[0].tobytes().hex())
+program, found = monitor.program, np.zeros((2, len(every)))
+judge(entries, last, np.array([0.1, 0.2]), 0.1, 2.0, 2.0, program.code, program.roots, program.wanted, monitor.memory,
+      monitor.absent, *found)
+print(found.tobytes().hex())
 for _ in range(40):
     traces = draw_traces(rng, int(rng.integers(1, 25)))
     print(ours([draw_formula(rng, 3), draw_formula(rng, 3)], traces).tobytes().hex())
