@@ -1,4 +1,4 @@
-"""Judges all formulas of a program over the signals of one case, compiled: n samples and windows of w take n log w steps.
+"""Judges all formulas of a program over the signals of one case, compiled: n samples and windows of w take n log w.
 
 Robustness is the one of A. Donze and O. Maler (Robust Satisfaction of Temporal Logic over Real-Valued Signals, FORMATS
 2010) over samples. Beyond the end of a track `always` asks for nothing, and `eventually` and `until` find nothing.
