@@ -96,7 +96,7 @@ class Studio:
 
         async def load() -> None:
             for run in chosen.values():
-                with contextlib.suppress(ParcoursError, OSError):  # whoever looks at it is told
+                with contextlib.suppress(ParcoursError, OSError):  # a look at it says why
                     await run_in_threadpool(Watched(self.folder, run).load)
 
         if chosen:
