@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,24 @@ import pytest
 from parcours.report.exporting import together
 from parcours.report.page import to_html
 from parcours.report.pieces import Page
+from parcours.study.components.study import ComponentStudy
 from parcours.study.finding import find
+from parcours.study.journal import Journal, write_question
+from parcours.study.mutation.laboratory import MutantOutcome
+from parcours.study.mutation.mutant import Mutant
+from parcours.study.mutation.results import MutationResults, mutation_page
 from parcours.study.parameters import settings_of
-from parcours.study.protocol import Request
+from parcours.study.protocol import FaultRequest, Request
+from parcours.study.provenance import provenance
 from parcours.study.reporting import report_page
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours_navigation.comparison.analysis import analyse
+from parcours_navigation.comparison.page import compare_page
+from parcours_navigation.comparison.running import run_comparison
+from parcours_navigation.foreign.cases import abstract_scenes
+from parcours_navigation.foreign.door import RosStudy
+from parcours_navigation.foreign.judging import JudgedCase
+from parcours_navigation.foreign.results import Result
 from whole_page import HOSTILE, whole_page
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -29,6 +44,19 @@ def reported(where: str, n_cases: int, folder: Path) -> Page:
     return report_page([(study, {str(folder): study.read(folder)})])
 
 
+def bound(folder: Path) -> Page:
+    """The report on foreign nodes, with the results of a run: half of its cases pass."""
+    study = find(str(EXAMPLES / "ros1_python"))
+    assert isinstance(study, RosStudy)
+    write_question(folder, study.name, study.where, {"seed": 1, "settings": {}})
+    with Journal(folder) as journal:
+        for k, scene in enumerate(itertools.islice(abstract_scenes(study.binding, 1), 8)):
+            judgement = Judgement(Verdict.FAIL if k % 2 else Verdict.PASS, f"{HOSTILE} {k}")
+            sent = {"obstacles": k, "plan": 2}
+            journal.add(scene.id, Result(scene.id, "abstract", JudgedCase(judgement), 0.5, scene.id, sent=sent).entry())
+    return report_page([(study, {str(folder): study.read(folder)})])
+
+
 @pytest.fixture(scope="module")
 def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Addresses of pages: with every piece and hostile words, of a campaign, of components, of a robot with replays."""
@@ -38,13 +66,28 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "campaign": reported(str(EXAMPLES / "parking"), 60, folder / "parking"),
         "components": reported(str(EXAMPLES / "lift"), 12, folder / "lift"),
         "robot": reported("ramp_system", 12, folder / "ramp"),
+        "binding": bound(folder / "bound"),
     }
+    compared = run_comparison(["orca", "dwa", "stand-still"], folder / "compared", n_cases=8, workers=1)
+    pages["compared"] = compare_page(analyse(compared))
+    lift = find(str(EXAMPLES / "lift"))
+    settings = settings_of(lift.parameters, {}, "lift")
+    assert isinstance(lift, ComponentStudy)
+    struck = lift.faults(FaultRequest(settings, frozenset(), 1, 1, "Door", 1), lambda *_: None)
+    assert struck.page is not None
+    pages["faults"] = struck.page
+    mutants = tuple(Mutant(f"{HOSTILE}:{k}", "stale", f"{HOSTILE}.py", k, HOSTILE) for k in range(3))
+    seen = {one.id: MutantOutcome("ended", {"golden twin": ("c", HOSTILE)}, 1, {}, 0, 0) for one in mutants}
+    asked = ["parcours", "mutate", HOSTILE]
+    pages["mutants"] = mutation_page(MutationResults("lift", "code", mutants, seen), provenance(), asked)
     for name, page in pages.items():
         (folder / f"{name}.html").write_text(to_html(page), encoding="utf-8")
     return {name: (folder / f"{name}.html").as_uri() for name in pages}
 
 
-@pytest.mark.parametrize("view", ["hostile", "campaign", "components", "robot"])
+@pytest.mark.parametrize(
+    "view", ["hostile", "campaign", "components", "robot", "binding", "compared", "faults", "mutants"]
+)
 def test_a_view_is_quiet_fits_its_screen_and_has_no_violation_of_axe(
     view: str, visit: Callable[..., Any], look_over: Callable[..., None], views: dict[str, str]
 ) -> None:

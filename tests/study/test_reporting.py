@@ -136,10 +136,14 @@ def test_mutants_that_survive_are_the_failures_of_a_test_suite() -> None:
     mutants = tuple(Mutant(f"m{k}", "stale" if k else "edge", "a.py", k, "a -> b") for k in range(3))
     seen = {"m0": {"cases": ("c", "w")}, "m1": {"golden twin": ("c", "w")}, "m2": {"golden twin": ("c", "w")}}
     outcomes = {id: MutantOutcome("ended", by, 1, {}, 0, 0) for id, by in seen.items()}
-    page = mutation_page(MutationResults("lift", "code", mutants, outcomes), {"date": "today"})
+    page = mutation_page(
+        MutationResults("lift", "code", mutants, outcomes), {"date": "today"}, ["parcours", "mutate", "lift"]
+    )
     assert [(cause.words, cause.count) for cause in listed(page).causes] == [("stale", 2)]
     assert page.summary is not None and page.summary.verdict.startswith("They noticed 1 of 3 mutants")
     assert ("date", "today") in page.facts
+    run, show = listed(page).causes[0].cases[0].commands
+    assert run == "parcours mutate lift --only m1 --out out/mutant" and show == "parcours mutate lift --only m1 --list"
 
 
 def test_the_commit_is_that_of_what_is_tested_and_says_if_it_was_changed(tmp_path: Path) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 
@@ -120,7 +121,9 @@ def command(
             also = f"; seen by the golden twin: {results.seen_by(outcome)}" if target != "model" else ""
             click.echo(f"survived: {mutant.id} {mutant.place}{also}\n{mutant.diff or mutant.change}\n")
     if html is not None:
-        _write_page(results, out, html)
+        asked = ["parcours", "mutate", *studies, "--target", target, "--seed", str(seed)]
+        asked += [word for given in settings for word in ("--set", given)]
+        _write_page(results, out, html, asked)
     if interrupted:
         _interrupted()
     failed = False
@@ -131,14 +134,16 @@ def command(
         raise click.exceptions.Exit(1)
 
 
-def _write_page(results: MutationResults, out: Path, html: Path) -> None:
+def _write_page(results: MutationResults, out: Path, html: Path, asked: Sequence[str]) -> None:
     from parcours.report.page import to_html
     from parcours.report.writing import write_text
     from parcours.study.journal import read_question
     from parcours.study.mutation.results import mutation_page
     from parcours.study.provenance import texts
 
-    write_text(html, to_html(mutation_page(results, texts(read_question(out).get("made")))))
+    document = read_question(out)
+    seed = str(cast("dict[str, object]", document["question"])["seed"])
+    write_text(html, to_html(mutation_page(results, texts(document.get("made")) | {"seed": seed}, asked)))
     click.echo(f"wrote {html}", err=True)
 
 

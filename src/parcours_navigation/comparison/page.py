@@ -8,6 +8,7 @@ import numpy as np
 
 from parcours.report.pieces import (
     Cause,
+    Cell,
     Column,
     Failing,
     Failures,
@@ -19,6 +20,7 @@ from parcours.report.pieces import (
     Piece,
     Section,
     Summary,
+    Table,
     Text,
     Tone,
 )
@@ -79,7 +81,7 @@ def compare_page(found: Analysis) -> Page:
         *((failed,) if failing.causes else ()),
         Section("What to take home", "", (_findings(found), Text(_READING), *caution), "findings"),
         Section("How the cases ended", "", ended, "outcomes"),
-        Section("The paper's results", "", (tables.paper_table(found),), "paper"),
+        Section("The paper's results", "", _parted(tables.paper_table(found), found.names[0]), "paper"),
         Section("Who beats whom", "", _rivalry(found), "tests"),
         *(Section("Requirements", "", pieces, "requirements") for pieces in [requirement_tables(made)] if pieces),
         Section("Times and clearances", "", _times(found), "times"),
@@ -160,6 +162,23 @@ def _stacked(found: Analysis) -> Figure:
         for one in found.standings
     }
     return shares("How the cases ended", list(SLICES), series, [tone for _, tone in SLICES.values()])
+
+
+def _parted(table: Table, first: str) -> tuple[Table, ...]:
+    """Return what planners did and how they differ from the first as tables of their own: a page is not wide enough."""
+    differing = [k for k, column in enumerate(table.columns) if column.group]
+    parts = [(table.title, [k for k in range(len(table.columns)) if k not in differing], table.note)]
+    parts += [(f"The same, against {first}", [0, *differing], "")] if differing else []
+    found = []
+    for title, places, note in parts:
+        rows = tuple(tuple(_broken(row[k]) for k in places) for row in table.rows)
+        found.append(Table(title, tuple(table.columns[k] for k in places), rows, note))
+    return tuple(found)
+
+
+def _broken(cell: Cell) -> Cell:
+    """Return a rate that may break before its interval."""
+    return cell.replace("\N{NO-BREAK SPACE}[", " [") if isinstance(cell, str) else cell
 
 
 def _rivalry(found: Analysis) -> tuple[Piece, ...]:

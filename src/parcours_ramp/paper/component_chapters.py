@@ -33,7 +33,7 @@ EXPECTED = {
 _PAPER_ABTCS = {"EPC": "19", "SPC": "49", "all": "67"}
 
 
-def models_chapter() -> Section:
+def models_chapter(results: PaperResults) -> Section:
     """Return the process, the six machines as drawings, Tables I and II, and the classes of messages."""
     cefsm = component_model()
     drawings: list[Piece] = []
@@ -54,7 +54,7 @@ def models_chapter() -> Section:
         "file and checked. Everything below is derived from this file."
     )
     classes = class_table("Fig. 6: the classes of the messages", cefsm)
-    pieces = (process_table(), graph_drawing(), *drawings, channels, predicate_table(), classes)
+    pieces = (process_table(), *graph_drawing(results.functional), *drawings, channels, predicate_table(), classes)
     return Section("The model of RAMP's components", lead, pieces, "models")
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from parcours.abtc import abstract_cases, component_graph, interaction_paths
+from collections.abc import Sequence
+
+from parcours.abtc import abstract_cases, interaction_paths
 from parcours.model import Cefsm, predicate
 from parcours.paths import internal_paths
-from parcours.report.pieces import Code, Column, Table
+from parcours.report.pieces import Column, Figure, Table
+from parcours.study.components.executing import Functional
+from parcours.study.components.painting import channel_figure
+from parcours.study.components.results import functional_result
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.study import component_plan
 
@@ -31,12 +36,9 @@ def process_table() -> Table:
     return Table("Fig. 1: the test generation process", (Column("step"), Column("by"), Column("gave")), steps)
 
 
-def graph_drawing() -> Code:
-    """Return Fig. 2, the components and who talks to whom."""
-    pairs = component_graph(component_model())
-    lines = [f"{one} {'<->' if (two, one) in pairs else '-->'} {two}" for one, two in pairs
-             if (two, one) not in pairs or one == "Planner"]  # fmt: skip
-    return Code("\n".join(lines), "Fig. 2: the components and their links")
+def graph_drawing(functional: Sequence[Functional]) -> list[Figure]:
+    """Return Fig. 2, the components and who talks to whom, with the messages that the functional cases sent."""
+    return channel_figure(component_model(), [functional_result(run) for run in functional], "Fig. 2")
 
 
 def predicate_table() -> Table:

@@ -59,7 +59,7 @@ def compose(results: PaperResults) -> Page:
         measures_chapter(results),
         delays_chapter(results.delays),
         inputs_chapter(results),
-        models_chapter(),
+        models_chapter(results),
         paths_chapter(),
         abstract_chapter(),
         results_chapter(results),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -136,10 +137,10 @@ class MutationResults:
         return {"seen_by": self.seen_by(outcome)} if outcome is not None and set(outcome.seen) == {TWIN} else {}
 
 
-def mutation_page(found: MutationResults, made: Mapping[str, str]) -> Page:
+def mutation_page(found: MutationResults, made: Mapping[str, str], command: Sequence[str] = ()) -> Page:
     """Return the page on mutants: what the tests notice, the mutants that they do not, the tables.
 
-    `made` says where the results come from (`parcours.study.provenance`).
+    `made` says where the results come from (`parcours.study.provenance`), `command` runs them again.
     """
     effective, survivors = found.effective(), found.survivors()
     n, lost, planned = len(effective), len(survivors), len(found.mutants)
@@ -153,7 +154,7 @@ def mutation_page(found: MutationResults, made: Mapping[str, str]) -> Page:
     causes = []
     for operator, count in Counter(mutant.operator for mutant, _ in survivors).most_common():
         mine = [(mutant, outcome) for mutant, outcome in survivors if mutant.operator == operator]
-        rows = [_survivor(found, mutant, outcome) for mutant, outcome in mine]
+        rows = [_survivor(found, mutant, outcome, command) for mutant, outcome in mine]
         causes.append(Cause(operator, count, tuple(rows)))
     if causes:
         facts.append(f"Most survivors are of one kind: [{causes[0].words}](#cause_1), {causes[0].count} of {lost}.")
@@ -174,10 +175,13 @@ def mutation_page(found: MutationResults, made: Mapping[str, str]) -> Page:
     )  # fmt: skip
 
 
-def _survivor(found: MutationResults, mutant: Mutant, outcome: MutantOutcome) -> Failing:
+def _survivor(found: MutationResults, mutant: Mutant, outcome: MutantOutcome, command: Sequence[str]) -> Failing:
     why = f"{mutant.place}: {mutant.change}"
     seen = found.seen_by(outcome) if found.of != "model" else ""
-    return Failing(mutant.id, Marked("survived", "poor"), f"{why}; seen by the golden twin: {seen}" if seen else why)
+    ends = (["--out", "out/mutant"], ["--list"])  # run it alone, and print the change
+    again = tuple(shlex.join([*command, "--only", mutant.id, *end]) for end in ends if command)
+    why = f"{why}; seen by the golden twin: {seen}" if seen else why
+    return Failing(mutant.id, Marked("survived", "poor"), why, (), again)
 
 
 def _share(part: int, whole: int) -> float | None:
