@@ -29,7 +29,9 @@ PORTION = 5.0
 """How long a portion is to take at least [s of wall clock]: Dask starts some hundred a second."""
 
 _PORTIONS_A_SECOND = 100
-_AHEAD = 2  # portions for each worker that the scheduler knows of
+_AHEAD = (
+    2  # portions for each worker that the scheduler knows of, until one dies: a death is blamed on all that wait there
+)
 _FIRST = 2  # shards in a portion before it is known how long one takes: what two take tells it
 _ATTEMPTS = 2
 _TO_CONNECT = 10.0  # [s]
@@ -65,7 +67,8 @@ class _Launch:
     def __init__(self, dask: Any, client: Any, store: Store, sent: bytes, shards: Sequence[int]) -> None:
         self._dask, self._client, self._store, self._sent = dask, client, store, sent
         self._waiting, self._under_way = deque(shards), dict[Any, tuple[int, ...]]()
-        self._pace, self._deaths = Pace(), Counter[int]()
+        self._pace, self._deaths, self._ahead = Pace(), Counter[int](), _AHEAD
+        self._alone = set[Any]()  # of those under way, the portions that none was sent to wait behind
         self._workers, self._counted = len(self._require_workers()), time.monotonic()
         self._answers = dask.as_completed(loop=client.loop)
 
@@ -102,11 +105,13 @@ class _Launch:
         """Keep all workers busy."""
         if time.monotonic() - self._counted > 2.0:
             self._workers, self._counted = max(len(self._client.nthreads()), 1), time.monotonic()
-        while self._waiting and len(self._under_way) < _AHEAD * self._workers:
+        while self._waiting and len(self._under_way) < self._ahead * self._workers:
             size = self._pace.shards(len(self._waiting), self._workers)
             part = tuple(self._waiting.popleft() for _ in range(size))
             future = self._client.submit(compute, self._sent, part, versions(), pure=False)
             self._under_way[future] = part
+            if self._ahead == 1:
+                self._alone.add(future)
             self._answers.add(future)
 
     def _finished(self, future: Any, shards: tuple[int, ...]) -> Sequence[int]:
@@ -127,8 +132,9 @@ class _Launch:
         if not isinstance(error, self._dask.KilledWorker):
             rule = f"must be computed without an error, but raised {described(error)}"
             raise HostFailure(self._store.name(shards[0]), rule, slug="shard-raised")
-        if left:  # the first of them is what its workers were at
-            self._deaths[left[0]] += 1
+        self._ahead = 1
+        if left:  # the first of them is what its workers were at, if it was alone there
+            self._deaths[left[0]] += future in self._alone
             if self._deaths[left[0]] >= _ATTEMPTS:
                 n = _ATTEMPTS * (error.allowed_failures + 1)
                 rule = f"its worker must live, but {n} died on it, {error.last_worker.address} last"

@@ -55,7 +55,7 @@ def reduce(data: Data, fails: Callable[[Data], bool], shape: CaseShape, budget: 
         shape: what may change.
         budget: most calls of `fails`.
 
-    >>> shape = Shape(lists=("discs",), times=(("limit",),))
+    >>> shape = CaseShape(lists=("discs",), times=(("limit",),))
     >>> case = {"discs": [{"x": 0.3172}, {"x": 4.0451}, {"x": 1.5}], "limit": 60.0}
     >>> def fails(case):
     ...     return case["limit"] >= 7 and any(3 < disc["x"] < 5 for disc in case["discs"])

@@ -317,7 +317,7 @@ class Local(syntax.Statement):
 class BodyParser(syntax.Parser):
     """Reads statements of UPPAAL's C.
 
-    >>> [loop] = BodyParser(Tokens("for (i = 0; i < 3; i++) a[n++] = i;", "uppaal", "here")).statements()[1:]
+    >>> [loop] = BodyParser(ForeignTokens("for (i = 0; i < 3; i++) a[n++] = i;", "uppaal", "here")).statements()[1:]
     >>> len(loop.body), loop.body[1] == loop.body[2]
     (3, False)
     """

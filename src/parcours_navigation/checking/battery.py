@@ -177,7 +177,8 @@ def _check(planner: str, names: Sequence[str] | None, patience: float) -> Batter
 def report_lines(report: BatteryReport) -> str:
     """Return the findings as text: two lines each, then a summary.
 
-    >>> print(report_lines(Report("mine", (error("turns-away", "turned right", "flip a sign"),), ("a",), ("b",))))
+    >>> found = (error("turns-away", "turned right", "flip a sign"),)
+    >>> print(report_lines(BatteryReport("mine", found, ("a",), ("b",))))
     error: turned right [turns-away]
         flip a sign
     mine: 1 error, 0 warnings, 0 notes; 1 check made, not made since an earlier one failed: b

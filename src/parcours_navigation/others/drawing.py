@@ -89,7 +89,7 @@ def drawn(
     Raises:
         BadRequest: they do not fit, or no goal can be drawn.
 
-    >>> people = Others(SocialForce(), number=3, area=(0.0, 0.0, 6.0, 6.0))
+    >>> people = Others(SocialForcePeople(), number=3, area=(0.0, 0.0, 6.0, 6.0))
     >>> crowd = drawn([people], seed=1, case=0, taken=[(3.0, 3.0, 1.0)])
     >>> len(crowd.agents), crowd.ways.shape
     (3, (9, 3))

@@ -69,8 +69,8 @@ class FieldType:
 def slot_of(text: str) -> FieldType:
     """Return the type that a message class gives as a text, in the words of either generation.
 
-    >>> slot_of("float64[9]"), slot_of("sequence<geometry_msgs/Point>"), slot_of("string<10>")
-    (Slot(item='float64', length=9), Slot(item='geometry_msgs/Point', length=0), Slot(item='string', length=None))
+    >>> slot_of("float64[9]"), slot_of("sequence<geometry_msgs/Point>")
+    (FieldType(item='float64', length=9), FieldType(item='geometry_msgs/Point', length=0))
     """
     match = _SLOT.fullmatch(text)
     if match is None:

@@ -79,7 +79,7 @@ class MessageLayout:
     Raises:
         BadRequest: ROS does not know a field's name or kind, or a name occurs twice.
 
-    >>> layout = Layout((Entry("id", "int"), Entry("x", "floats", "east [m]")), "channel 'places'")
+    >>> layout = MessageLayout((Entry("id", "int"), Entry("x", "floats", "east [m]")), "channel 'places'")
     >>> print(layout.definition, end="")
     int64 id
     float64[] x  # east [m]

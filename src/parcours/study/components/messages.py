@@ -46,7 +46,7 @@ class ModelMessages:
     ... channels: {call: {from: environment, to: Lift, message: Call}}
     ... components: {Lift: {machines: {m: {initial: s, transitions: {l1: {from: s, to: s, event: call}}}}}}
     ... '''
-    >>> messages = Messages(parse_model(text, "m.yaml"))
+    >>> messages = ModelMessages(parse_model(text, "m.yaml"))
     >>> messages.default("call")
     {'floor': 0, 'doors': [False, False]}
     >>> messages.decode("call", messages.encode("call", {"floor": 3, "doors": (True, False)}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 
 from parcours.errors import HostFailure
@@ -18,6 +19,9 @@ _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 
 _AT_WORK = 0.15
 """Nodes that still load what they need use more of a processor than this; complete ones mostly wait."""
+
+_CROWDED = 2.0
+"""With more programs than this that want a processor, for each of them, a silent node may not have had its turn."""
 
 _UNSEEN = ("node-twice", "qos-mismatch")
 """What may be wrong although every node, for itself, is ready."""
@@ -85,6 +89,7 @@ class Readiness:
         state, works = self._host.graph.state(), [process.worked() for _, process in self._host.running.values()]
         worked = sum(time for time, _ in works)
         is_busy = any(wants for _, wants in works) or worked - self._worked > _AT_WORK * elapsed * 1e-9
+        is_crowded = os.getloadavg()[0] > _CROWDED * len(os.sched_getaffinity(0))
         known = {
             who
             for table in (state.publishers, state.subscribers, state.servers)
@@ -92,7 +97,7 @@ class Readiness:
             for who in all_
         }
         are_there = all(slot.ros_node in known for slot in begun if slot.ros_node)
-        if state != self._state or is_busy or not are_there:  # one may not even be discovered
+        if state != self._state or is_busy or is_crowded or not are_there:  # one may not even be discovered
             self._changed = now
         self._state, self._worked = state, worked
         return now - self._changed > _SAME and bool(self.findings())

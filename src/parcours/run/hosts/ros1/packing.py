@@ -27,7 +27,7 @@ class MessagePacking:
     ...     name, kind, doc = "speed", "float", "m/s"
     >>> class Legs:
     ...     name, kind, doc = "legs", "ints", "numbers of legs"
-    >>> packing = Packing("news", [Speed(), Legs()])
+    >>> packing = MessagePacking("news", [Speed(), Legs()])
     >>> packing.unpack(packing.pack((0.5, [3, 4])))
     (0.5, array([3, 4]))
     """
