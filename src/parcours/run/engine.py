@@ -29,9 +29,8 @@ PORTION = 5.0
 """How long a portion is to take at least [s of wall clock]: Dask starts some hundred a second."""
 
 _PORTIONS_A_SECOND = 100
-_AHEAD = (
-    2  # portions for each worker that the scheduler knows of, until one dies: a death is blamed on all that wait there
-)
+_AHEAD = 2
+"""Portions for each worker that the scheduler knows of; 1 once a worker died: a death is blamed on all that wait there."""
 _FIRST = 2  # shards in a portion before it is known how long one takes: what two take tells it
 _ATTEMPTS = 2
 _TO_CONNECT = 10.0  # [s]
