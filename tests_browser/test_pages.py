@@ -168,6 +168,9 @@ def test_a_replay_plays_and_a_failing_case_leads_to_it(visit: Callable[..., Any]
         replay.get_by_label("Step back").click()
         assert before - 0.2 < float(replay.get_by_label("Time").input_value()) < before
         assert "held: collision imminent" in replay.locator(".legend").inner_text()
+        with tab.expect_download() as still:
+            replay.locator(".save").click()
+        assert '"halts":' in Path(still.value.path()).read_text(encoding="utf-8")  # with what it was drawn from
         replay.get_by_role("button", name="Full screen").click()
         tab.wait_for_function("document.fullscreenElement !== null")
 

@@ -130,7 +130,8 @@
     const svg = chart.querySelector("svg"), title = chart.closest("figure")?.querySelector("h3")?.textContent ?? "figure";
     if (!svg) continue;
     const button = make("button", { type: "button", class: "save", "aria-label": `Save as SVG: ${title}` }, "SVG");
-    button.addEventListener("click", () => save(file(title, "svg"), "image/svg+xml", drawing(svg, chart.querySelector("[aria-label]")?.getAttribute("aria-label") ?? title)));
+    button.addEventListener("click", () => save(file(title, "svg"), "image/svg+xml", drawing(svg,
+      chart.querySelector("[aria-label]")?.getAttribute("aria-label") ?? chart.parentElement.querySelector('script[type="application/json"]')?.textContent ?? title)));
     chart.closest(".media, figure").append(button);
   }
 
