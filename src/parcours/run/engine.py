@@ -30,7 +30,7 @@ PORTION = 5.0
 
 _PORTIONS_A_SECOND = 100
 _AHEAD = 2
-"""Portions for each worker that the scheduler knows of; 1 once one died: all that wait at a worker are blamed for it."""
+"""Portions for each worker that the scheduler knows of; 1 once one died, since all that wait there are blamed."""
 _FIRST = 2  # shards in a portion before it is known how long one takes: what two take tells it
 _ATTEMPTS = 2
 _TO_CONNECT = 10.0  # [s]
