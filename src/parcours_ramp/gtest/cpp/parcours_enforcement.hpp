@@ -238,7 +238,7 @@ class Enforcement {
     for (std::size_t waiting = instances_.size(); waiting > 0;) {
       const auto report = graph_.poll(until);
       if (!report || report->kind == "Died") throw HostError("a node must show what it did within 10 s, but does not");
-      if (report->kind != "Shown") continue;
+      if (report->kind != "ViewShown") continue;
       --waiting;
       run_.shown.insert(run_.shown.end(), report->sends.begin(), report->sends.end());
     }

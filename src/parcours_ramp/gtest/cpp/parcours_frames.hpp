@@ -135,13 +135,13 @@ struct Message {
   std::string data;
 };
 
-/// What a node has said. `kind` is its name: Ready, Turned, Shown, or Died, which the tester says of it.
+/// What a node has said. `kind` is its name: Ready, Turned, ViewShown, or Died, which the tester says of it.
 struct Report {
   std::string node, kind;
   int reference = -1;
   std::string manner, transition, text;       // of Turned
   std::int64_t time = 0, received = -1;       // of Turned [ns since the case began]
-  std::vector<Message> sends;                 // of Turned; of Shown what is shown, if anything
+  std::vector<Message> sends;                 // of Turned; of ViewShown what is shown, if anything
   std::vector<std::pair<std::int64_t, Message>> asides;
 };
 

@@ -244,7 +244,7 @@ class Graph {
       for (const Value& wire : item(frame, 5).items) report.sends.push_back(message(wire, true));
       report.received = item(frame, 6).integer;
       report.text = item(frame, 8).text;
-    } else if (report.kind == "Shown") {
+    } else if (report.kind == "ViewShown") {
       report.reference = item(frame, 1).integer;
       if (!item(frame, 2).items.empty()) report.sends.push_back(message(item(frame, 2), false));
     }
