@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from parcours.abtc import Event, serialise
 from parcours.cli.export import command
 from parcours.errors import BadRequest, BadSuite
+from parcours.run.hosts import frames
 from parcours.suite import Case, write_suite
 from parcours_ramp.components.study import component_plan, interaction_cases, paper_sample
+from parcours_ramp.gtest import export
 from parcours_ramp.gtest.export import MOST_CASES, Repeats, export_gtest, timing_limits
 from parcours_ramp.gtest.tables import GtestCase, GtestChannel, GtestStimulus, folder_texts, identifier, literal, tables
 
@@ -156,3 +158,10 @@ def test_the_command_says_what_it_wrote_and_what_it_refuses(tmp_path: Path) -> N
     (tmp_path / "file").touch()
     refused = CliRunner().invoke(command, ["gtest", str(suite), "--out", str(tmp_path / "file" / "out")])
     assert isinstance(refused.exception, BadRequest) and refused.exception.slug == "folder-unwritable"
+
+
+def test_the_frames_that_the_programs_wait_for_are_frames_of_the_wire() -> None:
+    programs = Path(export.__file__).parent / "cpp"
+    text = "".join(file.read_text() for file in programs.glob("*.hpp"))
+    named = set(re.findall(r'report(?:->|\.)kind [!=]= "(\w+)"', text))
+    assert {"Turned", "Died"} < named <= {frame.__name__ for frame in frames.Frame.__subclasses__()}

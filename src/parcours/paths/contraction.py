@@ -2,7 +2,7 @@
 
 A node with one way on, which lacks nothing, sends all that it gets and all that it has along that way; what entered it
 may as well enter the node behind. The same holds backwards for a node with one way in, which has nothing to give.
-Machines are mostly such nodes: of 100 000 transitions with three states for four of them, a tenth remains.
+Machines are mostly such nodes: of the 75 000 states of a random machine with 100 000 transitions a sixth remains.
 """
 
 from __future__ import annotations

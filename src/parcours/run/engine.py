@@ -65,9 +65,9 @@ class _Launch:
 
     def __init__(self, dask: Any, client: Any, store: Store, sent: bytes, shards: Sequence[int]) -> None:
         self._dask, self._client, self._store, self._sent = dask, client, store, sent
-        self._waiting, self._under_way = deque(shards), dict[Any, tuple[int, ...]]()
+        self._waiting = deque(shards)
+        self._under_way: dict[Any, tuple[tuple[int, ...], bool]] = {}  # portions, and whether none waits behind another
         self._pace, self._deaths, self._ahead = Pace(), Counter[int](), _AHEAD
-        self._alone = set[Any]()  # of those under way, the portions that none was sent to wait behind
         self._workers, self._counted = len(self._require_workers()), time.monotonic()
         self._answers = dask.as_completed(loop=client.loop)
 
@@ -93,7 +93,7 @@ class _Launch:
         try:
             self._send()
             for future in self._answers:
-                yield from self._finished(future, self._under_way.pop(future))
+                yield from self._finished(future, *self._under_way.pop(future))
                 self._send()
         except ParcoursError:
             raise
@@ -108,18 +108,19 @@ class _Launch:
             size = self._pace.shards(len(self._waiting), self._workers)
             part = tuple(self._waiting.popleft() for _ in range(size))
             future = self._client.submit(compute, self._sent, part, versions(), pure=False)
-            self._under_way[future] = part
-            if self._ahead == 1:
-                self._alone.add(future)
+            self._under_way[future] = part, self._ahead == 1
             self._answers.add(future)
 
-    def _finished(self, future: Any, shards: tuple[int, ...]) -> Sequence[int]:
-        """Return which shards of a portion are written; raise in our words what a worker has raised."""
+    def _finished(self, future: Any, shards: tuple[int, ...], is_alone: bool) -> Sequence[int]:
+        """Return which shards of a portion are written; raise in our words what a worker has raised.
+
+        `is_alone`: no portion was sent to wait at a worker behind another one.
+        """
         if future.status == "finished":
             self._pace.learn(future.result())
             return shards
         if future.status in ("lost", "pending"):  # its worker died before it was asked: another one gets it
-            self._under_way[future] = shards
+            self._under_way[future] = shards, is_alone
             self._answers.add(future)
             return ()
         if future.status != "error":
@@ -133,7 +134,7 @@ class _Launch:
             raise HostFailure(self._store.name(shards[0]), rule, slug="shard-raised")
         self._ahead = 1
         if left:  # the first of them is what its workers were at, if it was alone there
-            self._deaths[left[0]] += future in self._alone
+            self._deaths[left[0]] += is_alone
             if self._deaths[left[0]] >= _ATTEMPTS:
                 n = _ATTEMPTS * (error.allowed_failures + 1)
                 rule = f"its worker must live, but {n} died on it, {error.last_worker.address} last"
