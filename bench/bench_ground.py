@@ -22,7 +22,7 @@ from parcours.kernels import Record, kernel
 from parcours_navigation.ground.clearance import at_least, clearance, first_touch, least_on_way, sees
 from parcours_navigation.ground.footprint import TOLERANCE, footprint_disc_least, footprint_least, footprint_to_disc
 from parcours_navigation.ground.generators.fields import barn, cylinders, warehouse
-from parcours_navigation.ground.generators.rooms import corridor, doorway, office
+from parcours_navigation.ground.generators.indoor import corridor, doorway, office
 from parcours_navigation.ground.ground import Ground, lay_ground
 from parcours_navigation.ground.outlines import Floats, convex
 from parcours_navigation.ground.shapes import segment_to_segment

@@ -33,7 +33,7 @@ from parcours_ramp.components.study import (
     on,
     paper_sample,
 )
-from parcours_ramp.planner.whole import COMPONENTS
+from parcours_ramp.planner.component_factory import COMPONENTS
 from parcours_ramp.system.live import run_live
 from parcours_ramp.system.live_running import system_nodes
 from parcours_ramp.system.study import system_study

@@ -17,7 +17,7 @@ from parcours.report.pieces import Page
 from parcours.study.components.study import ComponentStudy
 from parcours.study.finding import find
 from parcours.study.journal import Journal, write_question
-from parcours.study.mutation.laboratory import MutantOutcome
+from parcours.study.mutation.fork_server import MutantOutcome
 from parcours.study.mutation.mutant import Mutant
 from parcours.study.mutation.results import MutationResults, mutation_page
 from parcours.study.parameters import settings_of

@@ -11,7 +11,7 @@ import pytest
 from parcours.errors import HostFailure
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.ros1.client import Ros1Node
-from parcours.run.hosts.ros1.ends import Kind
+from parcours.run.hosts.ros1.endpoints import Kind
 from parcours.run.hosts.ros1.graph import ask
 
 TEXT = Kind("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")

@@ -20,7 +20,7 @@ from parcours.run.binding import read_binding
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.ros1.client import Ros1Node
-from parcours.run.hosts.ros1.ends import Kind
+from parcours.run.hosts.ros1.endpoints import Kind
 from parcours.run.hosts.ros1.graph import Slave, ask
 from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.streams import Stream, read_header, write_header

@@ -14,7 +14,7 @@ from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import transitions
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
-from parcours_ramp.planner.whole import COMPONENTS
+from parcours_ramp.planner.component_factory import COMPONENTS
 from parcours_ramp.system.component_form import system_links
 from parcours_ramp.system.live import run_live
 from parcours_ramp.system.study import system_study

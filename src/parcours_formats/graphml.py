@@ -16,7 +16,7 @@ from parcours.model.structure import Cefsm
 from parcours_formats.graphwalker import labels
 from parcours_formats.graphwalker.joining import START, joined
 from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
-from parcours_formats.graphwalker.parting import parted
+from parcours_formats.graphwalker.splitting import parted
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
 from parcours_formats.xml_lines import Element, parse_xml

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from parcours.data.arrays.building import covering_array, fewest_rows
 from parcours.data.arrays.constructions import constructions, field, halves, orthogonal, starter_vector, turned
+from parcours.data.arrays.covertable_engine import covertable_rows
 from parcours.data.arrays.goals import Ints, goals_of
-from parcours.data.arrays.other_engine import covertable_rows
 from parcours.errors import BadRequest
 
 QUICK = 0.2  # seconds

@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from parcours import elementary
-from parcours_navigation.others import permitting
+from parcours_navigation.others import half_planes
 from warp_port import ported
 
 N, PLANES = 20_000, 12
@@ -80,13 +80,13 @@ def _ours(given: np.ndarray, want: np.ndarray) -> tuple[np.ndarray, int]:
     for i in range(N):
         for k, row in enumerate(given[i]):
             if k < 3:
-                planes[k] = permitting.wall_plane(*row)
+                planes[k] = half_planes.wall_plane(*row)
             else:
-                ux, uy, mx, my = permitting.half_plane(*row[:7])
+                ux, uy, mx, my = half_planes.half_plane(*row[:7])
                 planes[k] = mx, my, (row[6] + ux) * mx + (row[7] + uy) * my
         x, y, top = want[i]
-        none += permitting.nearest_permitted(planes, PLANES, top, x, y, False)[0] < PLANES
-        out[i] = permitting.new_velocity(planes, scratch, PLANES, 3, x, y, top)
+        none += half_planes.nearest_permitted(planes, PLANES, top, x, y, False)[0] < PLANES
+        out[i] = half_planes.new_velocity(planes, scratch, PLANES, 3, x, y, top)
     return out, none
 
 
@@ -106,7 +106,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def plain(folder: Path) -> ModuleType:
-    return ported([elementary, permitting], FUNCTIONS + VELOCITIES, folder / "plain.py")
+    return ported([elementary, half_planes], FUNCTIONS + VELOCITIES, folder / "plain.py")
 
 
 def test_elementary_functions_have_the_same_bits(plain: ModuleType) -> None:

@@ -16,7 +16,7 @@ from parcours.errors import BadRequest, HostFailure
 from parcours.run.binding import Binding, RegisteredGraph, compile_binding, graph_findings, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.graph import Quality
-from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED, Answered, RawMessage
+from parcours.run.binding.in_transit import BEGINS, CONTINUED, MADE, STALLED, STOPPED, Answered, RawMessage
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
 from parcours.run.binding.structure import BoundEntry

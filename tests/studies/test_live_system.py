@@ -20,7 +20,7 @@ from parcours.run.recording import Recorder, read_recording
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.node_program import RampCodec
-from parcours_ramp.planner.whole import COMPONENTS
+from parcours_ramp.planner.component_factory import COMPONENTS
 from parcours_ramp.planner.wire import flatten
 from parcours_ramp.system.component_form import system_links
 from parcours_ramp.system.live import LiveRun, rerun, run_live

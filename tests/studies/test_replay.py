@@ -13,7 +13,7 @@ from parcours.errors import BadRequest
 from parcours.report.page import to_html
 from parcours.report.pieces import Page, Section
 from parcours_navigation.study.replay import Replay, embedded, steps
-from parcours_navigation.study.still import animation, moments, stays, still
+from parcours_navigation.study.replay_picture import animation, moments, stays, still
 
 
 def run(title: str = "case", n: int = 41, halted_from: int = 20) -> Replay:

@@ -15,7 +15,7 @@ from parcours.report.page import to_html
 from parcours.report.pieces import Failures, Page
 from parcours.study.finding import find
 from parcours.study.journal import read_question
-from parcours.study.mutation.laboratory import MutantOutcome
+from parcours.study.mutation.fork_server import MutantOutcome
 from parcours.study.mutation.mutant import Mutant
 from parcours.study.mutation.results import MutationResults, mutation_page
 from parcours.study.parameters import settings_of

@@ -12,7 +12,7 @@ from parcours.cli.options import PATH, as_json, choice, count, fail_if, print_js
 from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
-    from parcours.study.mutation.laboratory import Kind
+    from parcours.study.mutation.fork_server import Kind
     from parcours.study.mutation.results import MutationResults
     from parcours.study.mutation.running import MutationRequest
     from parcours.study.protocol import Study

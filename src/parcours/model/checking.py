@@ -1,4 +1,4 @@
-"""Finds what is wrong with a model: names, directions and types here, doubtful choices in `suspicion`."""
+"""Finds what is wrong with a model: names, directions and types here, doubtful choices in `linting`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from parcours.model.expression import BOOL, Assignment, Expression, Type, type_o
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding, advice, errors_among
 from parcours.model.formulas import clauses
+from parcours.model.linting import suspicions
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
 from parcours.model.solutions import Budget
 from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Transition, Variable
-from parcours.model.suspicion import suspicions
 
 
 def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:

@@ -18,10 +18,10 @@ from typing import Protocol, runtime_checkable
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.run.atomic import sweep
 from parcours.run.claiming import claimed
+from parcours.run.exception_text import described
+from parcours.run.folder_backup import Keeping
 from parcours.run.heartbeat import RunsStrangers
-from parcours.run.keeping import Keeping
 from parcours.run.limiting import limited
-from parcours.run.raised import described
 from parcours.run.stops import STOP, Stop, read_stop
 from parcours.run.store import Campaign, Rows, Store, create
 from parcours.run.strangers import Simulate, computed, lost_before, resolve

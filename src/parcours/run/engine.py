@@ -20,8 +20,8 @@ from collections.abc import Generator, Sequence
 from typing import Any
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
-from parcours.run.elsewhere import Portions, compute, fitness, require_fit, versions
-from parcours.run.raised import described, said
+from parcours.run.cluster_worker import Portions, compute, fitness, require_fit, versions
+from parcours.run.exception_text import described, said
 from parcours.run.store import Store
 from parcours.run.strangers import Simulate
 

@@ -30,10 +30,10 @@ from typing import Any, Generic, Literal, TypeVar
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run import canaries as canaries
+from parcours.run.exception_text import described
 from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, new_block, share, write_place
 from parcours.run.keeper import can_keep, keep, memory_for_each
 from parcours.run.messages import LineMessages, packed
-from parcours.run.raised import described
 
 R = TypeVar("R")
 _GRACE = 3.0

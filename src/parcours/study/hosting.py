@@ -11,7 +11,7 @@ from parcours.errors import require_known
 from parcours.model.structure import Cefsm
 from parcours.run.hosts.node_program import Codec, Transport, nodes_of
 from parcours.run.port import Link
-from parcours.study.carrying import Shown, Specimens, require_carried
+from parcours.study.payload_fields import Shown, Specimens, require_carried
 from parcours.verdict.contracts import plain
 
 HostName = Literal["simulated", "processes", "ros1", "ros2"]

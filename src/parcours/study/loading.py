@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from parcours.errors import BadRequest, one_of
-from parcours.run.raised import frames_of, is_ctrl_c, said
+from parcours.run.exception_text import frames_of, is_ctrl_c, said
 
 _OURS = re.compile("^<frozen|/parcours/")  # files that nobody looks into for the place of an error
 Lack = tuple[str, str, str]  # what source lacks: slug, rule, remedy

@@ -14,7 +14,7 @@ from parcours_formats.dot.dot_graphs import parse_dot, quoted
 from parcours_formats.dot.drawing import drawings
 from parcours_formats.graphwalker.joining import joined
 from parcours_formats.graphwalker.labels import Model, edge_label, vertex_label
-from parcours_formats.graphwalker.parting import parted
+from parcours_formats.graphwalker.splitting import parted
 from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import UniqueNames, joint_name, part_names, stem
 from parcours_formats.symbols import Alphabet, is_alphabetic, symbols_of, unsaid_of_channels

@@ -18,7 +18,7 @@ from parcours.model.nodes import shown
 from parcours.model.structure import Cefsm
 from parcours_formats.graphwalker.joining import joined
 from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
-from parcours_formats.graphwalker.parting import parted
+from parcours_formats.graphwalker.splitting import parted
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
 from parcours_formats.token_stream import TokenStream

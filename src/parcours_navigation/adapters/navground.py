@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from parcours.elementary import sin_cos
 from parcours.errors import BadRequest, one_of
-from parcours_navigation.adapters.missing import imported
+from parcours_navigation.adapters.optional_imports import imported
 from parcours_navigation.planners.route import Route
 from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import (

@@ -7,7 +7,7 @@ avoiding, and computes in single precision. A simulation is made for each observ
 from __future__ import annotations
 
 from parcours.elementary import sin_cos
-from parcours_navigation.adapters.missing import imported
+from parcours_navigation.adapters.optional_imports import imported
 from parcours_navigation.planners.orca import drive_towards
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import Surroundings

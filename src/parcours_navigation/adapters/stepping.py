@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests.handed_out import planner_seed
 from parcours_navigation.guests.planner_facts import FACTS
+from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.guests.staging import Cases, staged
 from parcours_navigation.protocol import Observation, Scan

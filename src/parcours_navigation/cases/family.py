@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from parcours.abtc import AbstractCase, abstract_cases
 from parcours.data import Constraint, InputModel, parse_input_model
+from parcours.data.compiled_drawing import Drawer
 from parcours.data.constraints import allows, meets
-from parcours.data.quick_drawing import Drawer
 from parcours.elementary import PI, atan2
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record, kernel

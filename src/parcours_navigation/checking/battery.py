@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
 from parcours.run import canaries as canaries
+from parcours.run.exception_text import is_ctrl_c
 from parcours.run.limiting import limited
-from parcours.run.raised import is_ctrl_c
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours_navigation.checking import batches, conduct, form, geometry, memory
 from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from parcours.run.raised import is_ctrl_c
+from parcours.run.exception_text import is_ctrl_c
 from parcours_navigation.checking.form import malformed, where_raised
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task

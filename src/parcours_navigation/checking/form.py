@@ -8,7 +8,7 @@ import io
 from collections.abc import Iterator
 
 from parcours.errors import BadRequest
-from parcours.run.raised import is_ctrl_c, place, said
+from parcours.run.exception_text import is_ctrl_c, place, said
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import copied, script, standard_task

@@ -63,7 +63,7 @@ def new(
     Example: parcours binding new mine --from-graph
     """
     from parcours.run.binding.drafting import draft
-    from parcours.run.hosts.foreign.looking import address, graph_that_runs, transport_here
+    from parcours.run.hosts.foreign.introspection import address, graph_that_runs, transport_here
     from parcours.study.copying import study_name, write_new
 
     kind = transport or transport_here()

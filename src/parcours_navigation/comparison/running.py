@@ -18,7 +18,7 @@ from parcours.run.store import Campaign, create
 from parcours.run.strangers import Simulate
 from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.cases.running import CaseStudy
-from parcours_navigation.comparison.deciding import decision_times
+from parcours_navigation.comparison.decision_times import decision_times
 from parcours_navigation.comparison.results import AT_ONCE, ComparisonResults, Contender
 from parcours_navigation.facts import FACTS
 from parcours_navigation.guests.planners import own_loop
@@ -29,7 +29,7 @@ from parcours_navigation.measures.table import PUBLISHED
 from parcours_navigation.requirements.judging import own_values, robustness
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 from parcours_navigation.requirements.tables import violations_of
-from parcours_navigation.study.asking import world_cases
+from parcours_navigation.study.case_parameters import world_cases
 from parcours_navigation.study.distribution import GOAL, oracle, survived
 from parcours_navigation.study.study import NavigationStudy, study_of
 

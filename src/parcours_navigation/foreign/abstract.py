@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from parcours.abtc import Event
-from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, RawMessage, ServiceCall
+from parcours.run.binding.in_transit import CONTINUED, ENDS, STOPPED, RawMessage, ServiceCall
 from parcours.run.binding.slots import ProcessSlot
 from parcours.run.enforcement import Precedence, instance_name
 from parcours.run.hosts.foreign.session import Session

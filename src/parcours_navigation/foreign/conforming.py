@@ -16,7 +16,7 @@ from parcours.errors import HostFailure
 from parcours.model.structure import Cefsm, Component, Transition
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED
+from parcours.run.binding.in_transit import BEGINS, CONTINUED, MADE, STALLED, STOPPED
 from parcours.run.binding.structure import Binding
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent

@@ -20,8 +20,8 @@ from parcours.abtc import Event
 from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, ENDS, SCHEDULED
-from parcours.run.binding.readings import Reading
+from parcours.run.binding.in_transit import BEGINS, ENDS, SCHEDULED
+from parcours.run.binding.message_formulas import Reading
 from parcours.run.enforcement import disorder
 from parcours.run.hosts.realtime import DIED
 from parcours.run.recording import Raw

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from parcours.errors import HostFailure
-from parcours.run.binding.passing import ENDS, RawMessage
+from parcours.run.binding.in_transit import ENDS, RawMessage
 from parcours.run.binding.slots import apart, whole
 from parcours.run.faults import FaultPlan, read_plan
 from parcours.run.hosts.foreign.host import ForeignHost

@@ -16,7 +16,7 @@ from parcours.errors import HostFailure
 from parcours.filenames import file_name
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.readings import message_type
+from parcours.run.binding.message_formulas import message_type
 from parcours.run.binding.slots import whole
 from parcours.run.binding.standard import ACTIONS
 from parcours.run.binding.structure import Binding, Stack

@@ -9,8 +9,8 @@ from typing import Any
 
 from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
-from parcours.run.binding.passing import RawMessage, ServiceCall
-from parcours.run.binding.readings import MessageWriter, message_type
+from parcours.run.binding.in_transit import RawMessage, ServiceCall
+from parcours.run.binding.message_formulas import MessageWriter, message_type
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.worlds import body
 from parcours_navigation.foreign.world import LIMITS, START, robot_values

@@ -9,7 +9,7 @@ import reprlib
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.raised import without_addresses
+from parcours.run.exception_text import without_addresses
 from parcours_navigation.protocol import Command, Trajectory
 from parcours_navigation.stage.tracking import FARTHEST, SHORTEST_STEP, is_trajectory
 

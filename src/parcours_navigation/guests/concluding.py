@@ -12,8 +12,8 @@ from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_navigation.requirements.kernel import judge as judge_track
-from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
+from parcours_navigation.requirements.user_measures import CaseRun
 from parcours_navigation.stage import moving
 from parcours_navigation.stage.memory import AT_STAGE, AT_WORLD, ROW, STAGE, Ints, Staged, recorded
 from parcours_navigation.stage.moving import freeze, goal_time, moved_since, obstacles_of, touched_later

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.run.exception_text import Overdue
 from parcours.run.heartbeat import TIME
-from parcours.run.raised import Overdue
 
 FIRST_CASE = 6.0
 """In the first case of a process a call may take this many times longer: imports, and compilation."""

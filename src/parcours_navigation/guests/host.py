@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue, is_ctrl_c, place, said
+from parcours.run.exception_text import Overdue, is_ctrl_c, place, said
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.concluding import conclude, gaps_of, sum_up_later, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
-from parcours_navigation.guests.handed_out import handed_out, planner_seed
 from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
+from parcours_navigation.guests.planner_tasks import handed_out, planner_seed
 from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
 from parcours_navigation.protocol import Command, Map, Observation, Scan
-from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
+from parcours_navigation.requirements.user_measures import CaseRun
 from parcours_navigation.sensing.detecting import MOST_FALSE
 from parcours_navigation.stage import moving
 from parcours_navigation.stage.memory import (

@@ -23,8 +23,8 @@ from parcours_navigation.guests.batch import BatchPlugin
 from parcours_navigation.guests.concluding import conclude, sum_up_later
 from parcours_navigation.guests.planner_facts import FACTS
 from parcours_navigation.protocol import Task
-from parcours_navigation.requirements.own import CaseRun
 from parcours_navigation.requirements.requirement import Monitor
+from parcours_navigation.requirements.user_measures import CaseRun
 from parcours_navigation.stage.memory import AT_PARTS, AT_STAGE, Staged, lay, lay_again, recorded, size_of
 from parcours_navigation.stage.moving import GO_ON, begin_all, hold_all
 

@@ -7,12 +7,12 @@ import os
 import re
 
 from parcours.run import canaries as canaries
+from parcours.run.exception_text import Overdue
 from parcours.run.heartbeat import LostCase, write_place
-from parcours.run.raised import Overdue
 from parcours_navigation.guests.deadline import Deadline
 from parcours_navigation.guests.planners import end_if_forked
-from parcours_navigation.requirements.own import BadMeasure, CaseRun, own_value
 from parcours_navigation.requirements.requirement import Monitor
+from parcours_navigation.requirements.user_measures import BadMeasure, CaseRun, own_value
 
 
 def take_own(monitor: Monitor, run: CaseRun, deadline: Deadline, limit: float) -> None:

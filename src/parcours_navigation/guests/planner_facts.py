@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.raised import without_addresses
+from parcours.run.exception_text import without_addresses
 from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.facts import NEVER
 from parcours_navigation.measures.table import MEASURES

@@ -17,8 +17,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, cast
 
 from parcours.errors import BadRequest, one_of
+from parcours.run.exception_text import is_ctrl_c, said
 from parcours.run.heartbeat import write_place
-from parcours.run.raised import is_ctrl_c, said
 from parcours.study.loading import SourceFile, read_source
 from parcours_navigation.guests.batch import BATCH_SIZE, LARGEST, Alone, BatchPlugin
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
@@ -75,7 +75,7 @@ def own_loop(planner: object) -> OwnLoop | None:
         return None
     (entry,) = entry_points(group=GROUP, name=planner)
     if not entry.value.startswith("parcours_"):
-        from parcours_navigation.guests.apart import has_own_loop
+        from parcours_navigation.guests.planner_process import has_own_loop
 
         if not has_own_loop(planner):
             return None

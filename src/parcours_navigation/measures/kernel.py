@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours_navigation.measures.closeness import least_time_to_collision, measure_clearances
+from parcours_navigation.measures.path import measure_shape, measure_way
 from parcours_navigation.measures.smoothness import measure_drive, measure_halts
-from parcours_navigation.measures.way import measure_shape, measure_way
 
 
 @kernel

@@ -13,10 +13,10 @@ import numpy as np
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.others.agent import CONSTANT, DECISION, FORCE, FOREVER, TRACK, WALK, WAYPOINTS
-from parcours_navigation.others.keeping_off import room_at, slide, step_off
 from parcours_navigation.others.people import decide_people
 from parcours_navigation.others.social_force import contact
 from parcours_navigation.others.walking import step_constant, step_track, step_walk, step_waypoints
+from parcours_navigation.others.wall_contact import room_at, slide, step_off
 from parcours_navigation.protocol import Floats
 
 _STANDING = 1e-9

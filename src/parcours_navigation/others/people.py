@@ -10,8 +10,8 @@ import numpy as np
 from parcours.elementary import sin_cos
 from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.others.agent import CLOSE, DECISION, FORCE, ORCA, STAND
+from parcours_navigation.others.half_planes import half_plane, new_velocity, wall_plane
 from parcours_navigation.others.neighbours import Integers, fill_grid, nearest_bodies, table_size
-from parcours_navigation.others.permitting import half_plane, new_velocity, wall_plane
 from parcours_navigation.others.social_force import drive_force, group_force, interaction, wall_force
 from parcours_navigation.others.walking import next_waypoint
 from parcours_navigation.others.walls import FOUND, foot, walls_within

@@ -8,7 +8,7 @@ from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours.streams import between
 from parcours_navigation.others.agent import FOREVER, GO_ON
-from parcours_navigation.others.keeping_off import slide, step_off
+from parcours_navigation.others.wall_contact import slide, step_off
 from parcours_navigation.protocol import Floats
 
 _NS = 1e-9

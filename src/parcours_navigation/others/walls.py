@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.kernels import kernel
-from parcours_navigation.ground import near
-from parcours_navigation.ground.near import nearest_point
+from parcours_navigation.ground import nearest_shapes
+from parcours_navigation.ground.nearest_shapes import nearest_point
 from parcours_navigation.protocol import Floats
 
 FOUND = 6
@@ -66,7 +66,7 @@ def walls_within(walls: Floats, x: float, y: float, reach: float, into: Floats) 
     equally near keep their order.
     """
     if walls.ndim == 1:
-        return near.walls_within(walls, x, y, reach, into)
+        return nearest_shapes.walls_within(walls, x, y, reach, into)
     segments = walls.reshape(-1, 4)
     n = 0
     for i in range(len(segments)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import kernel
-from parcours_navigation.others.permitting import half_plane, new_velocity
+from parcours_navigation.others.half_planes import half_plane, new_velocity
 from parcours_navigation.planners.motion import Options, chord_velocity, runs_into, settled
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import SECTORS, Surroundings

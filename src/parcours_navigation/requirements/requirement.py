@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours_navigation.requirements.kernel import evaluate
-from parcours_navigation.requirements.own import digest_of, file_of_measure
 from parcours_navigation.requirements.parsing import Parsed, parse, parse_number
 from parcours_navigation.requirements.programs import Program, compile_formulas
 from parcours_navigation.requirements.syntax import Formula, Number, replaced, signals
+from parcours_navigation.requirements.user_measures import digest_of, file_of_measure
 from parcours_navigation.requirements.vocabulary import FLAG, SIGNALS, VALUES, Meaning, unit_of
 
 Floats = NDArray[np.float64]

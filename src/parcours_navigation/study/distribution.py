@@ -23,7 +23,7 @@ from parcours_navigation.measures.scores import sct, spl
 from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome, outcomes
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.solving import solve_worlds
-from parcours_navigation.worlds.surviving import survived_worlds
+from parcours_navigation.worlds.survivability import survived_worlds
 
 Facts = NDArray[np.void]
 Values = NDArray[np.float64]

@@ -21,7 +21,7 @@ from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.remarks import remarks
 from parcours_navigation.requirements.requirement import read_requirements
-from parcours_navigation.study.asking import (
+from parcours_navigation.study.case_parameters import (
     CASES,
     KEPT_UNITS,
     MEASURES,

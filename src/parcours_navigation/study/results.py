@@ -35,8 +35,8 @@ from parcours_navigation.requirements.judging import (
 )
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import Ended, analyse
-from parcours_navigation.study.asking import start_vectors
 from parcours_navigation.study.campaigns import FinishedCampaign, case_results, load_results
+from parcours_navigation.study.case_parameters import start_vectors
 from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
 from parcours_navigation.study.outcome_tables import (
     OUTCOME_WORDS,
@@ -45,7 +45,7 @@ from parcours_navigation.study.outcome_tables import (
     outcome_figure,
     outcome_table,
 )
-from parcours_navigation.study.still import animation
+from parcours_navigation.study.replay_picture import animation
 
 _REPLAYS = 3  # on a page on one folder
 

@@ -27,12 +27,12 @@ from parcours_navigation.arena.solvability import UNSOLVABLE
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
-from parcours_navigation.guests.apart import LOADING, Introduction, done_apart, introduce
 from parcours_navigation.guests.concluding import judge
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.host import GuestHost, HostSetting, hung
 from parcours_navigation.guests.measuring import require_innocent
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost
+from parcours_navigation.guests.planner_process import LOADING, Introduction, done_apart, introduce
 from parcours_navigation.guests.planners import SHIPPED, PlannerLike, load_planner, own_loop
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.guests.staging import Cases, clear_obstacles, plain_scene, staged

@@ -23,7 +23,7 @@ from parcours_navigation.ground.clearance import clearance, least_on_way
 from parcours_navigation.ground.connected import is_connected
 from parcours_navigation.ground.footprint import footprint_least
 from parcours_navigation.ground.generators.fields import BARN_WORLDS, barn, barn_world, cylinders, warehouse
-from parcours_navigation.ground.generators.rooms import corridor, doorway, office
+from parcours_navigation.ground.generators.indoor import corridor, doorway, office
 from parcours_navigation.ground.generators.site import Site
 from parcours_navigation.ground.ground import Ground, ground_of, lay_ground
 from parcours_navigation.ground.maps import read_map

@@ -9,13 +9,13 @@ from typing import Any
 from parcours.kernels import Record
 from parcours.run.port import Component, Step
 from parcours.suite import Case
+from parcours_ramp.planner.component_factory import component
 from parcours_ramp.planner.control import REPORT_PERIOD, Control
 from parcours_ramp.planner.messages import POSE, one
 from parcours_ramp.planner.parameters import Parameters, guarded
 from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
-from parcours_ramp.planner.whole import component
 
 GOAL = (2.0, 2.0)
 

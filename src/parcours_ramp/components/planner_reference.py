@@ -14,7 +14,7 @@ import numpy as np
 from parcours.run.trace import Trace
 from parcours_ramp.components.guard_reference import meets
 from parcours_ramp.components.motion_reference import SAMPLE, Pose, planned, pose_of
-from parcours_ramp.components.planner_told import PlannerTold
+from parcours_ramp.components.planner_knowledge import PlannerTold
 from parcours_ramp.planner.messages import MAX_KNOTS
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.path_modification import OPERATORS

@@ -30,10 +30,10 @@ from parcours_ramp.components.components import view
 from parcours_ramp.components.model import OUTSIDE, component_files, component_inputs, component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
+from parcours_ramp.components.reference_programs import SecondPrograms
 from parcours_ramp.components.references import references
 from parcours_ramp.components.relations import relations
-from parcours_ramp.components.second_programs import SecondPrograms
-from parcours_ramp.components.specimens import specimens
+from parcours_ramp.components.sample_payloads import specimens
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner import DECIDING
 from parcours_ramp.planner.viewing import message_of

@@ -18,7 +18,7 @@ from parcours.kernels import Record
 from parcours.run.port import Component, Send, Step
 from parcours.suite import Case
 from parcours_ramp.components.components import LATER, PROMPT_OF, PROMPTS, component_of, parameters_of, robot_of
-from parcours_ramp.components.supplying import FIRST, Supply
+from parcours_ramp.components.environment_messages import FIRST, Supply
 from parcours_ramp.planner.messages import StateReport
 from parcours_ramp.planner.parameters import Parameters
 

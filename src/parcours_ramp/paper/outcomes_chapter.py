@@ -16,7 +16,7 @@ from parcours_navigation.cases.published import TIME_LEFT_QUANTILES, total
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published
 from parcours_navigation.outcomes import shares as slices_of
 from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
-from parcours_navigation.study.still import animation
+from parcours_navigation.study.replay_picture import animation
 from parcours_ramp.paper.delays_chapter import interval
 from parcours_ramp.paper.results import PaperResults
 from parcours_ramp.system.campaigns import SystemResults, replay

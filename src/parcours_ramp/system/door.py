@@ -18,7 +18,7 @@ from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
 from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.requirement import read_requirements
-from parcours_navigation.study.asking import (
+from parcours_navigation.study.case_parameters import (
     CASES,
     KEPT_UNITS,
     REQUIREMENTS,

@@ -28,10 +28,10 @@ from parcours_navigation.facts import NEVER
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.components.node_program import RampCodec
+from parcours_ramp.planner.component_factory import component
 from parcours_ramp.planner.control import COMMAND_PERIOD
 from parcours_ramp.planner.messages import StateReport
 from parcours_ramp.planner.viewing import message_of
-from parcours_ramp.planner.whole import component
 from parcours_ramp.system.component_form import WorldComponent, as_track, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study

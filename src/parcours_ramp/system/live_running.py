@@ -13,9 +13,9 @@ from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.node_program import RampCodec
-from parcours_ramp.components.specimens import specimens
+from parcours_ramp.components.sample_payloads import specimens
+from parcours_ramp.planner.component_factory import COMPONENTS
 from parcours_ramp.planner.viewing import message_of
-from parcours_ramp.planner.whole import COMPONENTS
 from parcours_ramp.system.component_form import system_links
 from parcours_ramp.system.live import run_live
 from parcours_ramp.system.live_results import LiveLog
@@ -36,7 +36,7 @@ def system_nodes() -> Nodes:
 
 def run_live_cases(door: RampSystem, request: Request, progress: Progress) -> Run:
     """Run system cases in real time and keep their verdicts; a host that has lost a node is started again."""
-    from parcours_navigation.study.asking import numbers_of, question_of
+    from parcours_navigation.study.case_parameters import numbers_of, question_of
     from parcours_ramp.system.door import LIVE_CASES
 
     settings = request.settings

@@ -16,14 +16,14 @@ from pathlib import Path
 
 from parcours.kernels import suspended
 from parcours.report.writing import write_text
-from parcours.study.carrying import require_carried
+from parcours.study.payload_fields import require_carried
 from parcours.study.protocol import Progress
 from parcours.suite import Case
 from parcours.verdict.conformance import check
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.components.references import references
-from parcours_ramp.components.specimens import specimens
+from parcours_ramp.components.sample_payloads import specimens
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.sampled_results import FILE, read_sampled

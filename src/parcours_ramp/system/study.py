@@ -110,7 +110,7 @@ class SystemStudy:
         if results is None:
             _run_cases(*memory)
             return facts, track, places
-        from parcours_ramp.system.judged import run_and_judge
+        from parcours_ramp.system.judged_cases import run_and_judge
 
         program = compile_formulas([one.formula for one in self.requirements.formulas])
         rows = program.memory(length + 1)

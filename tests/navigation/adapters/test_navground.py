@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours_navigation.adapters.missing import imported
 from parcours_navigation.adapters.navground import Navground
+from parcours_navigation.adapters.optional_imports import imported
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.protocol import Limits, Observation, Robot, Task, Velocity

@@ -12,7 +12,7 @@ import pytest
 from parcours.report.terminal import to_text
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.comparison.analysis import analyse
-from parcours_navigation.comparison.deciding import decision_times
+from parcours_navigation.comparison.decision_times import decision_times
 from parcours_navigation.comparison.running import Reproducing, run_comparison
 from parcours_navigation.comparison.tables import decision_table
 from parcours_navigation.guests.planner_facts import PlannerFault

@@ -19,7 +19,7 @@ from parcours_navigation.ground.generators.fields import (
     smoothed,
     warehouse,
 )
-from parcours_navigation.ground.generators.rooms import corridor, doorway, office
+from parcours_navigation.ground.generators.indoor import corridor, doorway, office
 from parcours_navigation.ground.generators.site import Site
 from parcours_navigation.ground.ground import lay_ground
 from parcours_navigation.ground.outlines import BadGround

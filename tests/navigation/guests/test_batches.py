@@ -12,7 +12,7 @@ from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.facts import NEVER
-from parcours_navigation.guests.handed_out import planner_seed
+from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import HEADING, Observation, Observations, Task, X, Y
 from parcours_navigation.requirements.requirement import requirements_of

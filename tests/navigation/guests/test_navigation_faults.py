@@ -19,8 +19,8 @@ from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign, open_results
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests.handed_out import planner_seed
 from parcours_navigation.guests.planner_facts import REASON_LENGTH, PlannerFault, reason_bytes
+from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.planners import load_planner, source_of
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes

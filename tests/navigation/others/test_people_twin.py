@@ -18,8 +18,8 @@ from parcours_navigation.others.agent import ORCA, STAND
 from parcours_navigation.others.agents import begin_agents, step_agents
 from parcours_navigation.others.drawing import Crowd, drawn
 from parcours_navigation.others.entries import Others
+from parcours_navigation.others.half_planes import half_plane, nearest_permitted, wall_plane
 from parcours_navigation.others.kinds import ConstantVelocity, OrcaPeople, SocialForcePeople
-from parcours_navigation.others.permitting import half_plane, nearest_permitted, wall_plane
 from parcours_navigation.protocol import Floats
 
 TICK = 10_000_000

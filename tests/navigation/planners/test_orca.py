@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from parcours.errors import BadRequest
-from parcours_navigation.others.permitting import half_plane, nearest_permitted, new_velocity
+from parcours_navigation.others.half_planes import half_plane, nearest_permitted, new_velocity
 from parcours_navigation.planners.orca import Orca, drive_towards
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from parcours.errors import BadRequest
 from parcours.report.exporting import export, together
 from parcours.report.pieces import Page, Section, Text
 from parcours_navigation.study.replay import Replay
-from parcours_navigation.study.still import animation
+from parcours_navigation.study.replay_picture import animation
 
 TIMES = np.linspace(0.0, 4.0, 81)
 REPLAY = Replay(

@@ -14,15 +14,15 @@ from parcours_navigation.checking.scenes import observation, sensed, standard_ta
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import Outcome, explain, outcomes
 from parcours_navigation.requirements.judging import own_values, verdicts
-from parcours_navigation.requirements.own import BadMeasure
 from parcours_navigation.requirements.requirement import read_requirements
+from parcours_navigation.requirements.user_measures import BadMeasure
 from parcours_navigation.study.study import NavigationStudy
 from parcours_navigation.worlds import staging
 from parcours_navigation.worlds.checking import check_world
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, parse_world, read_world
 from parcours_navigation.worlds.solving import _inner_radius
-from parcours_navigation.worlds.surviving import survived_worlds
+from parcours_navigation.worlds.survivability import survived_worlds
 
 HEAD = "parcours: world/1\nname: own\nrobot: {radius: 0.2, speed: 0.5, yaw_rate: 2}\n"
 TASK = "task: {start: [1, 1, 0], goal: [5, 1], time_limit: 20}\n"

@@ -12,7 +12,7 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.facts import NEVER
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation
-from parcours_navigation.study.asking import world_cases
+from parcours_navigation.study.case_parameters import world_cases
 from parcours_navigation.study.study import NavigationStudy
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, find_world, parse_world

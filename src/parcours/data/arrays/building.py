@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.data.arrays.constructions import constructions, fewest_halves
+from parcours.data.arrays.covertable_engine import MAX_MUST, MAX_TUPLES, covertable_rows
 from parcours.data.arrays.goals import Goals, Ints
 from parcours.data.arrays.growing import grow
-from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_rows
 from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
 from parcours.kernels import require_numba

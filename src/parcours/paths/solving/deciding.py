@@ -19,10 +19,10 @@ from parcours.paths.solving import verdicts
 from parcours.paths.solving.exploring import Exploration, Explored, Node, Targets
 from parcours.paths.solving.verdicts import BUDGET, BudgetSpent, Executability, Path, Work, has_solver
 from parcours.paths.spaces import part_of
-from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.events import events_of
 from parcours.paths.timing.replaying import StepReplay
 from parcours.paths.timing.schedules import Contradiction, Schedule, schedule
+from parcours.paths.timing.time_constraints import is_timed
 
 if TYPE_CHECKING:
     from parcours.paths.solving.proving import Prover

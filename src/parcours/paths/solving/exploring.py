@@ -24,7 +24,7 @@ from parcours.paths.criteria.requirement import START, CoverageRequirement
 from parcours.paths.graph import Came, breadth_first, way_to
 from parcours.paths.solving.verdicts import BudgetSpent, Path, Work
 from parcours.paths.spaces import ModelSpace, SpaceNode
-from parcours.paths.timing.clockwork import is_timed
+from parcours.paths.timing.time_constraints import is_timed
 from parcours.paths.timing.zones import Zone, Zones
 
 SEQUENCES = ("transitions", "du-path")

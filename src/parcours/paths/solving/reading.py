@@ -14,8 +14,8 @@ from parcours.model.scope import is_local, variable_type
 from parcours.model.structure import CLOCK, Cefsm, Component, Variable
 from parcours.paths.solving.terms import Symbols, Translator, Value, constant, fits, rational, variable
 from parcours.paths.timing.clocks import Setting
-from parcours.paths.timing.clockwork import Clockwork, is_timed
 from parcours.paths.timing.events import TimedEvent
+from parcours.paths.timing.time_constraints import Clockwork, is_timed
 
 
 @dataclass(frozen=True, slots=True)

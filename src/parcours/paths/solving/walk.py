@@ -22,8 +22,8 @@ from parcours.paths.solving.reading import Begin, IntegerBound, ModelTables, Sna
 from parcours.paths.solving.terms import NoTerm, Translator, Value, is_constant, rational, variable
 from parcours.paths.solving.verdicts import SOLVER_STEPS, Work
 from parcours.paths.timing.clocks import ClockConstraint, NoBound, ways
-from parcours.paths.timing.clockwork import Clockwork, Facts, set_when
 from parcours.paths.timing.events import Place, TimedEvent
+from parcours.paths.timing.time_constraints import Clockwork, Facts, set_when
 
 
 class SymbolicWalk:

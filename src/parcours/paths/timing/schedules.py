@@ -10,10 +10,10 @@ from parcours.errors import BadRequest
 from parcours.model.configuration import Inputs
 from parcours.model.structure import Cefsm
 from parcours.paths.timing.clocks import NoBound, Way, ways
-from parcours.paths.timing.clockwork import Clockwork, Facts
 from parcours.paths.timing.events import events_of, places_of
 from parcours.paths.timing.network import TimeLimit, TimeWindow, Windows, windows_of
 from parcours.paths.timing.replaying import StepReplay
+from parcours.paths.timing.time_constraints import Clockwork, Facts
 
 EFFORT = 400
 """Most networks solved for one sequence, where conditions can hold in several ways."""

@@ -17,8 +17,8 @@ from parcours.model.expression import Assignment, Binary, Expression, Literal, n
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, Component, Transition
 from parcours.paths.timing.clocks import ClockConstraint, NoBound, Way, decimal, ways
-from parcours.paths.timing.clockwork import settings_of
 from parcours.paths.timing.network import TimeLimit
+from parcours.paths.timing.time_constraints import settings_of
 
 Zone = tuple[int, ...]
 """The matrix row by row; a bound of c units is 2 c + 1, or 2 c where it is strict."""

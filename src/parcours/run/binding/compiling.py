@@ -17,10 +17,10 @@ from parcours.model.structure import BASE_TYPES
 from parcours.run.binding.access import Access, compile_place
 from parcours.run.binding.binding_file import refusal
 from parcours.run.binding.formulas import PlacedFormula
+from parcours.run.binding.message_formulas import MessageWriter, Reading, message_type
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.places import EVERY, Place, path_text
 from parcours.run.binding.quantities import plain
-from parcours.run.binding.readings import MessageWriter, Reading, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
 from parcours.run.binding.worlds import ASKED, LISTS
 

@@ -6,8 +6,8 @@ from collections import OrderedDict
 from typing import Any
 
 from parcours.errors import HostFailure
+from parcours.run.binding.message_formulas import message_type
 from parcours.run.binding.message_types import MessageTypes
-from parcours.run.binding.readings import message_type
 from parcours.run.binding.structure import Binding
 
 _REMEMBERED = 64

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from parcours.model.structure import ENVIRONMENT
 from parcours.run.binding.actions import ActionGoals
-from parcours.run.binding.passing import MADE, Ends, RawMessage, ServiceCall
+from parcours.run.binding.in_transit import MADE, Ends, RawMessage, ServiceCall
 from parcours.run.binding.slots import ProcessSlot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan

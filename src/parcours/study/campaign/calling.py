@@ -16,7 +16,7 @@ import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue, place, said, without_addresses
+from parcours.run.exception_text import Overdue, place, said, without_addresses
 from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault

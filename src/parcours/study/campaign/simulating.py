@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue, is_ctrl_c
+from parcours.run.exception_text import Overdue, is_ctrl_c
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
     HUNG,

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from parcours.errors import ParcoursError
 from parcours.run.trace import Trace
-from parcours.study.carrying import uncarried
 from parcours.study.components.executing import run_functional
 from parcours.study.components.landing import landing_of
 from parcours.study.components.running import executed_apart, executors
 from parcours.study.parameters import Settings, settings_of
+from parcours.study.payload_fields import uncarried
 from parcours.study.protocol import Level, Progress, StudyFinding
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict

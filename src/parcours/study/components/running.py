@@ -18,7 +18,6 @@ from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
-from parcours.study.carrying import require_carried
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
 from parcours.study.components.executing import CaseTiming, Execute, Exercise, Functional, TimingGroup
@@ -28,6 +27,7 @@ from parcours.study.components.painting import machine_pieces
 from parcours.study.hosting import Hosted, started
 from parcours.study.journal import Journal, read_journal, read_question, write_question
 from parcours.study.parameters import Settings
+from parcours.study.payload_fields import require_carried
 from parcours.study.protocol import Progress, Reported, Request, Results, Run
 from parcours.study.selection import chosen_cases
 from parcours.suite import Case, Plan

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from parcours.report.pieces import Cause, Cell, Column, Failing, Failures, Marked, Page, Section, Summary, Table, Tone
-from parcours.study.mutation.laboratory import Kind, MutantOutcome
+from parcours.study.mutation.fork_server import Kind, MutantOutcome
 from parcours.study.mutation.mutant import Mutant
 from parcours.study.mutation.observing import CASES, CHECK, CONFORMANCE, STAGES, TWIN
 from parcours.study.protocol import Measure

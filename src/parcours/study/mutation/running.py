@@ -12,7 +12,7 @@ from parcours.errors import BadRequest, one_of
 from parcours.run.campaign import terminable
 from parcours.study.components.study import ComponentStudy
 from parcours.study.journal import Journal, write_question
-from parcours.study.mutation.laboratory import Build, Kind, MutantOutcome, Refused, Report, judge_mutants
+from parcours.study.mutation.fork_server import Build, Kind, MutantOutcome, Refused, Report, judge_mutants
 from parcours.study.mutation.models import model_mutants
 from parcours.study.mutation.mutant import Mutant, sampled
 from parcours.study.mutation.observing import strikes_of

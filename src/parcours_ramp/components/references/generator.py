@@ -23,7 +23,7 @@ from parcours_ramp.components.references.numbers import (
     unit,
     wrapped,
 )
-from parcours_ramp.components.references.ways import Piece, Way, plan, profiles
+from parcours_ramp.components.references.path_reference import Piece, Way, plan, profiles
 
 _SLIGHT = 0.004  # What is off uniform motion by less needs no leg of its own [m]
 _OPEN = 1e-9  # Below this, rounding decides [s], [m]

@@ -20,9 +20,9 @@ from parcours.run import workers as workers
 from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests import apart as apart
-from parcours_navigation.guests.handed_out import planner_seed
+from parcours_navigation.guests import planner_process as apart
 from parcours_navigation.guests.planner_facts import PlannerFault
+from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.study import study as study_module
 from parcours_navigation.study.study import NavigationStudy

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
 from parcours.run.binding import Binding, MessageTypes, RegisteredGraph
-from parcours.run.binding.passing import Answered
+from parcours.run.binding.in_transit import Answered
 from parcours.run.binding.slots import ProcessSlot
 from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
@@ -168,7 +168,7 @@ def types_of(binding: Binding, learned: Collection[Raw] = ()) -> MessageTypes:
         from parcours.run.hosts.ros2.foreign_types import Ros2Types
 
         return Ros2Types(binding).types
-    from parcours.run.hosts.ros1.ends import Kind
+    from parcours.run.hosts.ros1.endpoints import Kind
     from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 
     found = ForeignTypes(binding.python_paths, binding.interfaces)

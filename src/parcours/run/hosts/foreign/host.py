@@ -14,8 +14,8 @@ from parcours.errors import BadRequest
 from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, compile_binding
 from parcours.run.binding.actions import STATUS, WIRE
-from parcours.run.binding.passing import Answered
-from parcours.run.binding.readings import message_type
+from parcours.run.binding.in_transit import Answered
+from parcours.run.binding.message_formulas import message_type
 from parcours.run.binding.slots import ProcessSlot, SlotPlan, Spoke
 from parcours.run.binding.structure import BoundChannel
 from parcours.run.hosts.foreign.graph import ForeignGraph, TesterClient, TesterEnd, TesterPublisher, open_graph

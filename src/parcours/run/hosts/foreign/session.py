@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import cast
 
 from parcours.errors import HostFailure
-from parcours.run.binding.passing import BEGINS, SCHEDULED, STALLED
+from parcours.run.binding.in_transit import BEGINS, SCHEDULED, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import ProcessSlot, SlotPlan
 from parcours.run.faults import FaultPlan

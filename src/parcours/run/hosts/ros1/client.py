@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.graph_line import Reply
-from parcours.run.hosts.ros1.ends import ANY, WITHIN, Kind, Ros1Client, Ros1Publisher, Server, Subscriber, opened
+from parcours.run.hosts.ros1.endpoints import ANY, WITHIN, Kind, Ros1Client, Ros1Publisher, Server, Subscriber, opened
 from parcours.run.hosts.ros1.graph import LOOPBACK, Slave, ask, ask_all
 from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Doorway, Stream, write_header
 

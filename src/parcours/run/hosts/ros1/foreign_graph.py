@@ -13,7 +13,7 @@ from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.interfaces import TESTER
 from parcours.run.hosts.ros1.client import Ros1Node
-from parcours.run.hosts.ros1.ends import ANY, WITHIN, Kind, Ros1Client, Ros1Publisher, Subscriber, called
+from parcours.run.hosts.ros1.endpoints import ANY, WITHIN, Kind, Ros1Client, Ros1Publisher, Subscriber, called
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 from parcours.run.hosts.ros1.graph import LOOPBACK, ask, ask_all, leave
 from parcours.run.hosts.ros1.master import Master, require_master

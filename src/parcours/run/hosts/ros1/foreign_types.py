@@ -19,7 +19,7 @@ from typing import Any
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.binding.message_types import read_definitions
 from parcours.run.hosts.ros1 import PACKAGES, interpreter_with, no_ros
-from parcours.run.hosts.ros1.ends import ANY, Kind
+from parcours.run.hosts.ros1.endpoints import ANY, Kind
 
 _HALVES = {"Request": "_request_class", "Response": "_response_class"}
 _SEPARATOR = "=" * 80

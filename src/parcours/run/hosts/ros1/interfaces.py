@@ -13,7 +13,7 @@ from typing import NoReturn, Protocol
 from parcours.errors import HostFailure
 from parcours.run.hosts.interfaces import ChannelRoute, Interface, routes
 from parcours.run.hosts.ros1 import no_ros
-from parcours.run.hosts.ros1.ends import Kind
+from parcours.run.hosts.ros1.endpoints import Kind
 
 INDEX = "channels.json"
 """The file of a package's folder that tells which message or service carries which channel."""

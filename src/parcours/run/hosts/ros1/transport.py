@@ -15,7 +15,7 @@ from parcours.run.hosts.interfaces import TESTER, ChannelRoute, Interface, node_
 from parcours.run.hosts.node_program import Node
 from parcours.run.hosts.ros1 import no_ros
 from parcours.run.hosts.ros1.client import Ros1Node
-from parcours.run.hosts.ros1.ends import Kind
+from parcours.run.hosts.ros1.endpoints import Kind
 from parcours.run.hosts.ros1.graph import leave, require_free
 from parcours.run.hosts.ros1.interfaces import package_routes, write_package, write_python
 from parcours.run.hosts.ros1.master import Master, require_master

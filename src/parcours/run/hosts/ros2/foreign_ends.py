@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from parcours.run.binding.graph import Quality
-from parcours.run.binding.passing import Answered
+from parcours.run.binding.in_transit import Answered
 from parcours.run.hosts.ros2.participant import matched_quality
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from parcours.data import InputModel, draw, parse_input_model, select
-from parcours.data.quick_drawing import Drawer
+from parcours.data.compiled_drawing import Drawer
 from parcours.errors import BadDomain, BadRequest
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, ParcoursError
-from parcours.run.raised import Overdue, place, said
+from parcours.run.exception_text import Overdue, place, said
 from parcours.study.loading import load
 
 Floats = NDArray[np.float64]

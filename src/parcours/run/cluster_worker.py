@@ -21,8 +21,8 @@ from typing import Any, cast
 import parcours
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.run.atomic import sweep
+from parcours.run.exception_text import described
 from parcours.run.heartbeat import RunsStrangers
-from parcours.run.raised import described
 from parcours.run.store import Rows, Store, open_results
 from parcours.run.strangers import Simulate, computed, crew_for, resolve
 from parcours.run.workers import Crew, failure_of

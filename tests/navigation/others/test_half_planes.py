@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from parcours_navigation.others import permitting
+from parcours_navigation.others import half_planes
 from parcours_navigation.protocol import Floats
 
 places = st.floats(-4.0, 4.0)
@@ -20,10 +20,10 @@ def test_half_planes_of_walls_are_kept_where_those_of_bodies_cannot_be() -> None
     wall = [-1.0, 0.0, -0.1]  # at most 0.1 m/s to the right
     pushed = [1.0, 0.0, 1.0]  # at least 1 m/s to the right
     planes = np.array([wall, pushed, [0.0, 1.0, 0.2]])
-    x, y = permitting.new_velocity(planes, np.empty_like(planes), 3, 1, 0.0, 0.0, 1.5)
+    x, y = half_planes.new_velocity(planes, np.empty_like(planes), 3, 1, 0.0, 0.0, 1.5)
     assert x == pytest.approx(0.1)
     assert 0.2 - y <= 0.9 + 1e-12  # as much as the other one is broken
-    x, _ = permitting.new_velocity(planes, np.empty_like(planes), 3, 0, 0.0, 0.0, 1.5)
+    x, _ = half_planes.new_velocity(planes, np.empty_like(planes), 3, 0, 0.0, 0.0, 1.5)
     assert x == pytest.approx(0.55)
 
 
@@ -43,7 +43,7 @@ def test_the_border_of_what_a_wall_permits_is_the_border_of_what_hits_it(
     a, b, v = np.array([ax, ay]), np.array([ax, ay] if is_post else [bx, by]), np.array([vx, vy])
     assume(is_post or math.dist(a, b) > 0.05)
     assume(touches(a, b, np.zeros(2), reach, horizon) < -0.02)
-    nx, ny, border = permitting.wall_plane(a[0], a[1], b[0], b[1], reach, horizon, vx, vy)
+    nx, ny, border = half_planes.wall_plane(a[0], a[1], b[0], b[1], reach, horizon, vx, vy)
     n = np.array([nx, ny])
     assert math.hypot(nx, ny) == pytest.approx(1.0)
     short = border - float(n @ v)
@@ -60,7 +60,7 @@ def test_the_border_of_what_a_wall_permits_is_the_border_of_what_hits_it(
 
 
 def test_a_body_in_a_wall_may_go_along_it_and_away_only() -> None:
-    nx, ny, border = permitting.wall_plane(-1.0, 0.1, 1.0, 0.1, 0.3, 1.0, 0.5, 0.5)
+    nx, ny, border = half_planes.wall_plane(-1.0, 0.1, 1.0, 0.1, 0.3, 1.0, 0.5, 0.5)
     assert (nx, ny, border) == (0.0, -1.0, 0.0)
 
 
@@ -86,15 +86,15 @@ def test_half_planes_and_velocities_agree_with_rvo2() -> None:
         planes = np.empty((n - 1, 3))
         for k, j in enumerate(order):
             p, u = (at[j].astype(float) - at[0]), (v[0].astype(float) - v[j])
-            ux, uy, nx, ny = permitting.half_plane(p[0], p[1], u[0], u[1], 2 * radius, horizon, 0.05)
+            ux, uy, nx, ny = half_planes.half_plane(p[0], p[1], u[0], u[1], 2 * radius, horizon, 0.05)
             planes[k] = nx, ny, (v[0, 0] + 0.5 * ux) * nx + (v[0, 1] + 0.5 * uy) * ny
             (dx, dy), (px, py) = rvo.get_agent_orca_line(0, k)  # direction, point
             assert (nx, ny) == pytest.approx((-dy, dx), abs=2e-4)
             assert planes[k, 2] == pytest.approx(-dy * px + dx * py, abs=1e-3)
             lines += 1
         x, y = map(float, want)
-        if permitting.nearest_permitted(planes, n - 1, top, x, y, False)[0] == n - 1:
-            mine = permitting.new_velocity(planes, np.empty_like(planes), n - 1, 0, x, y, top)
+        if half_planes.nearest_permitted(planes, n - 1, top, x, y, False)[0] == n - 1:
+            mine = half_planes.new_velocity(planes, np.empty_like(planes), n - 1, 0, x, y, top)
             assert mine == pytest.approx(rvo.get_agent_velocity(0).to_tuple(), abs=2e-3)
     assert lines > 900
 
@@ -118,7 +118,7 @@ def test_half_planes_of_walls_agree_with_rvo2() -> None:
         rvo.set_agent_velocity(0, (vx, vy))
         rvo.set_agent_pref_velocity(0, (vx, vy))
         rvo.do_step()
-        mine = permitting.wall_plane(float(a[0]), float(a[1]), float(b[0]), float(b[1]), 0.3, 1.5, vx, vy)
+        mine = half_planes.wall_plane(float(a[0]), float(a[1]), float(b[0]), float(b[1]), 0.3, 1.5, vx, vy)
         theirs = []  # both sides of the wall are one
         for k in range(rvo.get_agent_num_orca_lines(0)):
             (dx, dy), (px, py) = rvo.get_agent_orca_line(0, k)

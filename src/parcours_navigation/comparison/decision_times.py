@@ -18,8 +18,8 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.comparison.results import DecisionTimes
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.guests.deadline import FIRST_CASE
-from parcours_navigation.guests.handed_out import planner_seed
 from parcours_navigation.guests.host import GuestHost
+from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.planners import Plugin, load_planner
 from parcours_navigation.protocol import Answer, Observation, Task
 from parcours_navigation.study.study import NavigationStudy

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import plain_ground as plain
 from parcours_navigation.ground.ground import Ground, lay_ground
-from parcours_navigation.ground.near import FOUND, nearest_point, walls_within
+from parcours_navigation.ground.nearest_shapes import FOUND, nearest_point, walls_within
 
 near = st.floats(-2.0, 10.0) | st.integers(-2, 18).map(lambda k: 0.5 * k)
 

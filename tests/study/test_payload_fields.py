@@ -13,10 +13,10 @@ from parcours.errors import HostFailure
 from parcours.model.model_file import parse_model
 from parcours.model.structure import Cefsm, Field
 from parcours.run.hosts.node_program import Codec
-from parcours.study.carrying import require_carried, uncarried
 from parcours.study.components.messages import ModelMessages
 from parcours.study.hosting import HostName, started
 from parcours.study.parameters import settings_of
+from parcours.study.payload_fields import require_carried, uncarried
 from parcours.study.protocol import Request
 from parcours.verdict.contracts import plain
 from parcours_ramp.components.node_program import RampCodec

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from parcours.run.keeping import Keeping
+from parcours.run.folder_backup import Keeping
 from parcours.run.store import Campaign, create
 
 
