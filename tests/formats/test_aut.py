@@ -147,9 +147,9 @@ def test_a_large_system_is_read_in_linear_time() -> None:
     def seconds(count: int) -> float:
         lines = (f'({at % 97}, "a{at % 7}", {at * 31 % 97})\n' for at in range(count))
         text = f"des (0, {count}, 97)\n" + "".join(lines)
-        started = time.perf_counter()
+        started = time.process_time()
         assert len(aut.read(text, "x.aut").cefsm.components[0].machines[0].transitions) == count
-        return time.perf_counter() - started
+        return time.process_time() - started
 
     seconds(1000)
     assert seconds(100_000) < 10

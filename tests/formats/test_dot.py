@@ -254,7 +254,7 @@ def test_what_is_no_graph_is_refused_with_its_line(text: str, rule: str) -> None
 
 def test_large_and_hostile_graphs_end_soon() -> None:
     crowd = " ".join(f"a{at}" for at in range(3000))
-    started = time.perf_counter()
+    started = time.process_time()
     for text in (
         "digraph { {" + crowd + "} -> {" + crowd.replace("a", "b") + "} }",
         'digraph { a [label="' + '\\"' * 2_000_000,
@@ -264,7 +264,7 @@ def test_large_and_hostile_graphs_end_soon() -> None:
     ):
         with pytest.raises(BadModel):
             dot.read(text, "g.dot")
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
 
 
 def test_the_sample_is_a_machine_of_inputs_and_outputs() -> None:

@@ -149,7 +149,7 @@ def test_what_is_no_graph_is_refused_with_its_line(text: str, rule: str) -> None
 
 
 def test_hostile_labels_end_soon() -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     for label in (
         "e" + "/*" * 300_000,
         "e" + "[" * 500_000,
@@ -161,7 +161,7 @@ def test_hostile_labels_end_soon() -> None:
             reading(node("a", "v"), edge("a", "a", label))
         except BadModel as error:
             assert len(str(error)) < 2000
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
 
 
 def test_the_sample_reads_with_what_it_says() -> None:

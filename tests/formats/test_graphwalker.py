@@ -248,11 +248,11 @@ def test_large_and_hostile_files_end_soon() -> None:
     crowd = json.dumps(
         {"models": [model(name, [dict(each, id=name + str(each["id"])) for each in many]) for name in "AB"]}
     )
-    started = time.perf_counter()
+    started = time.process_time()
     for text in ("/*" + "*" * 3_000_000, '"' + "\\" * 3_000_000, " " * 20_000_000, "/* */" * 600_000, crowd):
         with pytest.raises(BadModel):
             read(text, "m.json")
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
 
 
 def test_the_sample_reads_without_refusal() -> None:

@@ -158,14 +158,14 @@ def test_broken_models_get_one_answer_with_the_line(text: str, line: int, slug: 
 
 
 def test_large_comparisons_are_refused_in_time() -> None:
-    begun = time.perf_counter()
+    begun = time.process_time()
     many = ", ".join(f"v{i}" for i in range(400))
     text = f"A: {many}\nB: {many}\n" + "[A] < [B];\n" * 900
     with pytest.raises(BadDomain, match="pict-size"):
         parse_pict(text, "large.pict")
     with pytest.raises(BadDomain, match="file-size"):
         parse_pict("#" * 1_000_001, "large.pict")
-    assert time.perf_counter() - begun < 5
+    assert time.process_time() - begun < 5
 
 
 @settings(max_examples=150, deadline=None)

@@ -21,6 +21,7 @@ from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Send, Step
 from parcours.run.trace import Trace, TraceEvent
 
 MS, S = 1_000_000, 1_000_000_000
+LONG = 60.0  # seconds: more than the busiest machine takes, less than a run that nothing ends
 LINKS = (
     Link("numbers", "Source", "Sink", 50_000, LinkKind.SERVICE),
     Link("news", "Source", "Sink", 3),
@@ -153,7 +154,7 @@ def transport(here: None) -> Iterator[ProcessTransport]:
 class Run:
     """One run on the transport, and what the tester saw."""
 
-    def __init__(self, transport: ProcessTransport, *, until: int = 20 * S, plan: str = "",
+    def __init__(self, transport: ProcessTransport, *, until: int = 200 * S, plan: str = "",
                  local: Sequence[Component] = (), inject: Sequence[tuple[object, int]] = (), answer: Answer = silence,
                  rest: bool = True,
                  listener: Callable[[TraceEvent], None] | None = None, **case: object) -> None:  # fmt: skip
@@ -187,7 +188,7 @@ class Run:
 
 def test_a_run_ends_when_nothing_is_left_that_could_happen(transport: ProcessTransport) -> None:
     run = Run(transport, n=5)
-    assert run.seen == [0, 1, 2, 3, 4] and run.seconds < 10.0 and run.deaths == {}
+    assert run.seen == [0, 1, 2, 3, 4] and run.seconds < LONG and run.deaths == {}
     assert {event.kind for event in run.trace.events} == {"take", "send", "receive"}
 
 
@@ -243,7 +244,7 @@ def test_a_component_that_raises_is_noted_and_all_others_go_on(transport: Proces
     run = Run(transport, n=20, sink="Picky", inject=[(100, 300 * MS)])
     assert run.deaths == {"Sink": "raised IndexError: six"} and run.seen == [0, 1, 2, 3, 4, 5]
     assert [e.text for e in run.trace.events if e.kind == "note"] == ["died: raised IndexError: six"]
-    assert run.of("drop", "given") == [100] and run.seconds < 10.0
+    assert run.of("drop", "given") == [100] and run.seconds < LONG
     assert Run(transport, n=3).seen == [0, 1, 2], "its process lives, and serves the next run"
 
 
@@ -267,7 +268,7 @@ def test_a_local_component_that_is_always_due_does_not_deafen_the_tester(
 ) -> None:
     run = Run(transport, n=5, local=[local], until=300 * MS)
     assert run.of("receive", "seen") == [0, 1, 2, 3, 4]
-    assert run.seconds < 5.0
+    assert run.seconds < LONG
 
 
 def test_an_endless_conversation_in_the_testers_own_process_ends_with_the_run(transport: ProcessTransport) -> None:
@@ -285,12 +286,12 @@ def test_an_endless_conversation_in_the_testers_own_process_ends_with_the_run(tr
         begun = False
 
     run = Run(transport, local=[Echo("Local")], answer=lambda channel, payload, now: (("there", 1),), until=100 * MS)
-    assert run.seconds < 5.0 and len(run.of("receive", "back")) > 10
+    assert run.seconds < LONG and len(run.of("receive", "back")) > 10
 
 
 def test_a_node_that_never_stops_sending_is_brought_to_rest(transport: ProcessTransport) -> None:
     run = Run(transport, restless=True, until=100 * MS, rest=False)
-    assert run.seconds < 5.0
+    assert run.seconds < LONG
     for until in range(200, 20_000, 100):
         run.host.run(until * MS)
         if run.seen:
