@@ -9,6 +9,9 @@ PYTEST := $(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=wo
 GUESTS := tests/navigation/guests tests/study/test_campaign_study.py
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
+# Tests and benchmarks start hundreds of commands: none of them should compile its modules again, as it would with this set.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-browser test-ros1 test-ros2 docs format lint types contracts tests fuzz bench clean
 
 demo: $(VENV)/.runtime

@@ -152,12 +152,12 @@ def study_of(folder: Path, given: str = "") -> Study:
 
 
 def _where(folder: Path) -> str:
+    if (folder / RUN).exists():
+        return str(read_question(folder)["where"])
     from parcours.run.store import MANIFEST
     from parcours.study.components.results import FILE as COMPONENTS
     from parcours.study.components.results import read_components
 
-    if (folder / RUN).exists():
-        return str(read_question(folder)["where"])
     try:  # results without run.json: of the demo, or of a Parcours that did not write it
         if (folder / MANIFEST).exists():
             return str(json.loads((folder / MANIFEST).read_bytes())["study"])
