@@ -74,6 +74,9 @@ def test_a_former_name_is_refused_with_todays() -> None:
                 refused = CliRunner().invoke(parcours, [*where.split(), *words]).exception
                 assert isinstance(refused, BadRequest), (where, words)
                 assert refused.slug == "option-renamed" and f"write {now}" in str(refused)
-    assert n_former > 20
+    assert n_former > 100
+    for words in ("falsify x --seconds 9", "feasible x --seconds=9", "rare x --budget 9", "run navigation --rows 9"):
+        refused = CliRunner().invoke(parcours, words.split()).exception
+        assert isinstance(refused, BadRequest) and refused.slug == "option-renamed", words
     unknown = CliRunner().invoke(parcours, ["paths", "--nonsense", "model.yaml"])
     assert unknown.exit_code == 2 and "No such option" in unknown.output

@@ -12,7 +12,7 @@ from parcours.cli.options import PATH, as_json, choice, count, print_json, seed,
 @click.command("falsify")
 @click.argument("study")
 @click.option("--out", type=PATH, required=True, help="Folder for the failing case, its test and a run of it.")
-@count("--budget", default=1000, help="Most simulations.")
+@count("--max-runs", "budget", default=1000, help="Most runs of a case.")
 @choice("--method", "cross-entropy", "random", help="How cases are chosen.")
 @click.option("--cause", default="", help='Failures of this cause only: "collided", "violates keeps-away".')
 @seed
@@ -23,10 +23,10 @@ def command(
 ) -> None:  # fmt: skip
     """Look for a failing case of STUDY, over its input domains, guided by how near each case came to failing.
 
-    The search ends with the first failure, which is written as `parcours shrink` writes a case, or with the budget.
+    The search ends with the first failure, which is written as `parcours shrink` writes a case, or with the last run.
     The same seed takes the same way. Exit code 1 if a failure was found.
 
-    Example: parcours falsify my_study --budget 2000 --out out/found
+    Example: parcours falsify my_study --max-runs 2000 --out out/found
 
     Example: parcours shrink out/found/run 117 --out tests/found
     """

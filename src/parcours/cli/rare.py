@@ -11,8 +11,8 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, set_par
 
 @click.command("rare")
 @click.argument("study")
-@count("--budget", default=100_000, least=1000, help="Most simulations.")
-@count("--repeats", default=10, least=3, most=1000, help="How many estimates share the budget; the interval is theirs.")
+@count("--max-runs", "budget", default=100_000, least=1000, help="Most runs of a case.")
+@count("--repeats", default=10, least=3, most=1000, help="How many estimates share the runs; the interval is theirs.")
 @click.option(
     "--max-probability", type=click.FloatRange(0.0, 1.0, min_open=True), metavar="P",
     help="Exit 1 unless the upper end of the interval is below it.",
@@ -31,7 +31,7 @@ def command(
     Cases are split: those nearest to failing are copied and moved, level by level. The interval is at 95 %. The same
     seed gives the same answer with any number of workers.
 
-    Example: parcours rare my_study --budget 300000
+    Example: parcours rare my_study --max-runs 300000
 
     Example: parcours rare navigation --set planner=mine:drive --max-probability 1e-4
     """

@@ -10,6 +10,14 @@ from parcours.errors import BadRequest
 
 _FORMER: dict[click.Command, Mapping[str, str]] = {}
 
+# Names that some command once had for its limit or its number of cases. Who knows one tries it elsewhere, too.
+_LIMITS = ("--max-time", "--timeout", "--max-work", "--max-states", "--max-moves", "--max-runs")
+_COUNTS = ("--cases", "--sample", "--max-requirements")
+_ANYWHERE = {
+    **dict.fromkeys(("--budget", "--max-seconds", "--patience", "--seconds"), _LIMITS),
+    **dict.fromkeys(("--most", "--number", "--rows"), _COUNTS),
+}
+
 
 def formerly(names: Mapping[str, str]) -> Callable[[click.Command], click.Command]:
     """Return a decorator that gives a command the former names of its options, each with today's name."""
@@ -23,7 +31,13 @@ def formerly(names: Mapping[str, str]) -> Callable[[click.Command], click.Comman
 
 def former_names(command: click.Command) -> Mapping[str, str]:
     """Return the former names of a command's options, each with today's name."""
-    return _FORMER.get(command, {})
+    names = {name for option in command.params for name in option.opts}
+    kin = {
+        former: next(now for now in today if now in names)
+        for former, today in _ANYWHERE.items()
+        if former not in names and not names.isdisjoint(today)
+    }
+    return {**kin, **_FORMER.get(command, {})}
 
 
 def renamed(error: click.NoSuchOption) -> BadRequest | None:

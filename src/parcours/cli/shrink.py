@@ -15,7 +15,7 @@ from parcours.cli.renaming import formerly
 @click.argument("folder", type=PATH)
 @click.argument("case")
 @click.option("--out", type=PATH, required=True, help="Folder for the small case, its test and a run of it.")
-@count("--max-runs", "runs", default=199, help="Most re-runs.")
+@count("--max-runs", "runs", default=199, help="Most runs of a case.")
 @named_study
 @as_json
 def command(folder: Path, case: str, out: Path, runs: int, study: str, as_json: bool) -> None:

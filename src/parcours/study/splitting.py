@@ -318,7 +318,7 @@ def estimate(
     n = (budget - int(found["simulations"][0])) // (repeats * len(levels)) if levels else 0
     if n < _LEAST:
         rule = f"each of {repeats} repeats needs {_LEAST} cases at each of {len(levels)} levels, but has {max(n, 0)}"
-        raise BadRequest("--budget", rule, "raise it", slug="rare-budget")
+        raise BadRequest("--max-runs", rule, "raise it", slug="rare-budget")
     descent = Descent(search, seed, n, levels)
     rows: dict[int, NDArray[np.void]] = {}
     spans = [range(repeat, repeat + 1) for repeat in range(1, repeats + 1)]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import click
 
+from parcours.cli.renaming import formerly
 
+
+@formerly({"--resident": "--program"})
 @click.command("nodes", short_help="RAMP's nodes on a ROS 1 graph, for testers of other tools.")
 @click.argument("study", type=click.Choice(["ramp_components"]))
 @click.option("--master", envvar="ROS_MASTER_URI", default="http://127.0.0.1:11311", show_default=True,

@@ -48,7 +48,7 @@ def test_what_the_study_requires_decides_what_is_searched_for(tmp_path: Path) ->
     found = json.loads(falsified(tmp_path / "found", *rule).stdout)
     assert found["cause"] == "fails by clearance < -0.17" and found["robustness"] < 0.0
     none = falsified(tmp_path / "none", "--set", "require=lives: always clearance > -9", "--cause", "violates",
-                     "--budget", "3")  # fmt: skip
+                     "--max-runs", "3")  # fmt: skip
     assert none.exit_code == 0 and "no failure in 3 simulations; nearest 8." in none.stdout
     assert not (tmp_path / "none").exists()
 
@@ -83,7 +83,7 @@ def test_what_cannot_be_searched_is_refused(tmp_path: Path) -> None:
 
 def test_how_likely_a_failure_is_agrees_with_a_campaign_and_decides_the_exit_code(tmp_path: Path) -> None:
     asked = ("rare", "navigation", "--set", "planner=straight-ahead", "--set", "fail=clearance < -0.18",
-             "--budget", "1500", "--repeats", "3", "--workers", "2", "--json")  # fmt: skip
+             "--max-runs", "1500", "--repeats", "3", "--workers", "2", "--json")  # fmt: skip
     result = invoke(*asked, "--max-probability", "0.5", "--out", str(tmp_path / "found"))
     found = json.loads(result.stdout)
     assert result.exit_code == 0 and found["event"] == "clearance < -0.18" and found["simulations"] <= 1500
