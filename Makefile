@@ -1,5 +1,5 @@
 # make demo: the whole study of the paper, one report.   make test: everything a reviewer would run without ROS.
-# make test-ros1, make test-ros2: the same components, and foreign ones, on real ROS.   make test-browser: the studio in Chromium.
+# make test-ros1, make test-ros2: the same components, and foreign ones, on real ROS.   make test-browser: pages in Chromium.
 # make docs: the documentation, as a site.
 PYTHON ?= python3
 VENV := .venv
@@ -34,7 +34,7 @@ tests: $(VENV)/.developer
 	$(PYTEST) $(GUESTS)
 	$(PYTEST) $(addprefix --ignore=,$(GUESTS))
 
-test-browser: $(VENV)/.developer
+test-browser: $(VENV)/.developer docs
 	.ci/browser
 
 test-ros1: $(VENV)/.developer

@@ -8,10 +8,12 @@ README = Path(__file__).parents[1] / "README.md"
 project = "Parcours"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
 html_theme = "furo"
-html_static_path = ["site.css"]
+html_static_path = ["site.css", "site.js"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_title = "Parcours"
 html_copy_source = False
+html_show_search_summary = False  # it would fetch pages, which a browser refuses from disk
 html_show_sphinx = False
 html_show_copyright = False
 myst_heading_anchors = 4  # links to headings, as on a Git server
@@ -20,6 +22,16 @@ autodoc_typehints = "signature"
 maximum_signature_line_length = 100
 default_role = "code"
 smartquotes = False  # of --out it would make –out
+
+# What a screen reader misses in the pages of Sphinx and furo. What was repaired is not matched again.
+ACCESSIBLE = {
+    '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="All pages">',
+    '<aside class="toc-drawer': '<aside aria-label="On this page" class="toc-drawer',
+    '<p class="caption" role="heading">': '<p class="caption" role="heading" aria-level="2">',
+    '<th class="head"><p></p></th>': '<td class="head"></td>',
+    "<dl>\n<dd>": '<dl role="presentation">\n<dd>',  # the parameters of a long signature
+    '</noscript>\n\n<div id="search-results">': '</noscript>\n<h1>Search</h1>\n<div id="search-results">',
+}
 
 
 def _home(app, docname, source):
@@ -52,6 +64,17 @@ def _as_rst(app, ctx, lines):
     lines[:] = [re.sub(r"PosixPath\('([^']*)'\)", r"\1", line) for line in lines]
 
 
+def _accessible(app, error):
+    """Repair the pages that were written."""
+    for page in Path(app.outdir).glob("*.html"):
+        written = page.read_text(encoding="utf-8")
+        repaired = written
+        for wrong, right in ACCESSIBLE.items():
+            repaired = repaired.replace(wrong, right)
+        if repaired != written:
+            page.write_text(repaired, encoding="utf-8")
+
+
 def setup(app):
     """Connect the changes of text."""
     app.connect("source-read", _home)
@@ -59,3 +82,4 @@ def setup(app):
     app.connect("autodoc-process-docstring", _in_words, priority=400)
     app.connect("sphinx-click-process-description", _as_rst)
     app.connect("sphinx-click-process-options", _as_rst)
+    app.connect("build-finished", _accessible)
