@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pypdfium2
 import pytest
 
 from parcours.report.exporting import together
@@ -35,6 +36,8 @@ from parcours_navigation.foreign.results import Result
 from whole_page import HOSTILE, whole_page
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+TITLES = "[...document.querySelectorAll('h2, .piece > h3, .lead p, .cases .cause th')].map((one) => one.innerText)"
+A4 = {"format": "A4", "margin": dict.fromkeys(("top", "bottom", "left", "right"), "15mm")}
 
 
 def reported(where: str, n_cases: int, folder: Path) -> Page:
@@ -207,3 +210,31 @@ def test_paper_shows_everything_and_no_controls(visit: Callable[..., Any], views
         assert tab.locator("figure.replay .still svg").first.is_visible()
         assert tab.evaluate("getComputedStyle(document.querySelector('thead')).display") == "table-header-group"
         assert len(tab.pdf(format="A4")) > 10_000
+
+
+def words(text: str) -> str:
+    return "".join(text.split())
+
+
+@pytest.mark.parametrize("name", ["campaign", "components", "robot", "binding", "compared", "faults", "mutants"])
+def test_no_page_ends_with_a_title_or_within_a_lead(
+    name: str, views: dict[str, str], visit: Callable[..., Any]
+) -> None:
+    with visit(views[name]) as tab:
+        titles = [words(title) for title in tab.evaluate(TITLES)]
+        printed = pypdfium2.PdfDocument(tab.pdf(**A4))
+    pages = [words(page.get_textpage().get_text_range()) for page in printed]
+    for page in pages[:-1]:
+        for title in titles:
+            assert not page.endswith(title), title
+            assert not any(page.endswith(title[:n]) for n in range(12, len(title))), title
+
+
+def test_heads_of_tables_are_repeated(views: dict[str, str], visit: Callable[..., Any]) -> None:
+    with visit(views["campaign"]) as tab:
+        printed = pypdfium2.PdfDocument(tab.pdf(**A4))
+    pages = [words(page.get_textpage().get_text_range()) for page in printed]
+    going_on = [page for page in pages[1:] if page.count("parking/cases/") > 3]
+    assert going_on
+    for page in going_on:
+        assert page.startswith("caseverdictwhy")

@@ -22,7 +22,7 @@ OrderOf = Callable[[str], Sequence[Event]]
 Place = tuple[str, str]  # a component and the id of a transition of it
 
 _TONES: dict[PaintState, Tone] = {"covered": "good", "uncovered": "poor", "infeasible": "neutral", "failing": "bad"}
-_NAMED = 5  # cases that took a transition
+_NAMED = 3  # cases that took a transition: the first that failed, and others
 _EXPECTED = re.compile(r"event \d+, ([^#\s]+)#\d+: expected (\S+?),")  # as the order of a case is found broken
 
 
@@ -114,11 +114,13 @@ def machine_pieces(
                 anchor = f"taken_{plain_anchor(f'{where} {component.name} {one.id}')}"
                 painted[one.id] = Paint(state, f"{state}, {at.passed} passed, {at.failed} failed", anchor)
                 first = at.failing[0] if at.failing else ""
+                others = [*at.failing[1:], *at.passing][: _NAMED - 1]
+                more = at.passed + at.failed - len(others) - bool(first)
                 rows.append((
                     component.name, one.id, f"{one.source} \N{RIGHTWARDS ARROW} {one.target}",
                     Marked(state, _TONES[state]), at.passed, at.failed,
                     Marked(first, "bad", link=f"case_{plain_anchor(f'{prefix}{first}')}") if first else "",
-                    ", ".join([*at.failing[1:], *at.passing][:_NAMED]),
+                    ", ".join([*others, f"{more:,} more"] if more else others),
                 ))  # fmt: skip
                 anchors.append(anchor)
             title = component.name if len(component.machines) == 1 else f"{component.name}: {machine.name}"
