@@ -19,9 +19,7 @@ from parcours_navigation.foreign.quiescence import proposals
 
 def is_own(binding: Binding, master: object, network: object) -> bool:
     """Return whether master and nodes run in a network of their own: one that the user starts is never there."""
-    launched = [node for launcher in binding.nodes for node in binding.launched_by(launcher)]
-    is_all_ours = all(node.is_ours or node in launched for node in binding.nodes)
-    return is_all_ours and not master and not binding.master and network == "own"
+    return binding.starts_all and not master and not binding.master and network == "own"
 
 
 def check_types(binding: Binding, *, others: bool = False) -> None:

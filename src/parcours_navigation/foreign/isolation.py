@@ -160,7 +160,7 @@ def _obey(order: ProcessOrder, say: Callable[[str, object], None]) -> None:
         check_stack(binding)
         say("result", {"proposals": []})
         return
-    with ForeignHost(binding, out / "nodes", order.master) as host:
+    with ForeignHost(binding, out / "nodes", order.master, is_shared=not order.own) as host:
         if order.only_check:
             from parcours_navigation.foreign.checking import check_live
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from parcours.errors import HostFailure
+from parcours.run.binding.domains import within
 from parcours.run.binding.structure import Action, Value
 from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.world import PLACES
@@ -27,7 +28,7 @@ def act(session: Session, key: Literal["before_case", "after_case"]) -> None:
         where = f"{binding.source}:{action.line}: {key}"
         match action.kind:
             case "set":
-                session.host.graph.set_parameter(action.name, _value(session, action, where))
+                session.host.graph.set_parameter(_named(action), _value(session, action, where))
             case "wait":
                 _wait(session, action, where)
             case "life":
@@ -39,6 +40,11 @@ def act(session: Session, key: Literal["before_case", "after_case"]) -> None:
                     _call(session, action, data, where)
                 else:
                     _publish(session, action, data, where)
+
+
+def _named(action: Action) -> str:
+    """Return the name of what a step is about, on its domain."""
+    return within(action.name, action.domain)
 
 
 def _known(session: Session) -> dict[str, object]:
@@ -70,18 +76,18 @@ def _poll_until(session: Session, done: Callable[[], object], seconds: float) ->
 
 def _wait(session: Session, action: Action, where: str) -> None:
     wanted, graph = _listed(action.value), session.host.graph
-    _poll_until(session, lambda: graph.parameter(action.name) == wanted, action.timeout)
-    if (found := graph.parameter(action.name)) != wanted:
-        rule = f"{action.name} must become {wanted!r} within {action.timeout:g} s, but is {found!r}"
+    _poll_until(session, lambda: graph.parameter(_named(action)) == wanted, action.timeout)
+    if (found := graph.parameter(_named(action))) != wanted:
+        rule = f"{_named(action)} must become {wanted!r} within {action.timeout:g} s, but is {found!r}"
         raise HostFailure(where, rule, slug="foreign-step")
 
 
 def _lead(session: Session, action: Action, where: str) -> None:
     state, graph, until = str(action.value), session.host.graph, time.monotonic() + action.timeout
-    while not graph.lead(action.name, state):
+    while not graph.lead(_named(action), state):
         session.poll(session.now() + 20_000_000)
         if time.monotonic() > until:
-            rule = f"{action.name} must become {state} within {action.timeout:g} s, but does not"
+            rule = f"{_named(action)} must become {state} within {action.timeout:g} s, but does not"
             raise HostFailure(where, rule, slug="foreign-step")
 
 
@@ -90,7 +96,7 @@ def _call(session: Session, action: Action, data: bytes, where: str) -> None:
     if not host.graph.knows_service(action.type):
         raise HostFailure(where, f"{action.type} must be known, but is not", slug="unknown-message-type")
     answers: list[tuple[bytes | None, str]] = []
-    caller, until = host.graph.call(action.name, action.type), time.monotonic() + action.timeout
+    caller, until = host.graph.call(_named(action), action.type), time.monotonic() + action.timeout
     _poll_until(session, lambda: caller.is_matched, action.timeout)
     caller.ask(data, lambda answer, why: answers.append((answer, why)))
     _poll_until(session, lambda: answers, until - time.monotonic())
@@ -101,10 +107,10 @@ def _call(session: Session, action: Action, data: bytes, where: str) -> None:
 
 def _publish(session: Session, action: Action, data: bytes, where: str) -> None:
     host = session.host
-    publisher = host.graph.publish(action.name, action.type, queue=16, latch=True)
+    publisher = host.graph.publish(_named(action), action.type, queue=16, latch=True)
     if publisher is None:
         raise HostFailure(where, f"{action.type} must be known, but is not", slug="unknown-message-type")
     _poll_until(session, lambda: publisher.peers, _READERS)
     publisher.send(data)
     session.poll(session.now() + 10_000_000)
-    host.graph.leave(action.name)
+    host.graph.leave(_named(action))

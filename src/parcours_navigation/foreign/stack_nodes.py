@@ -100,7 +100,7 @@ class StackNodes:
                 from parcours.run.hosts.isolation import enter_own_network
 
                 enter_own_network()
-            host = self._closing.enter_context(ForeignHost(binding, _folder()))
+            host = self._closing.enter_context(ForeignHost(binding, _folder(), is_shared=not self._stack.own))
             self._session: Session = Session(host, whole(binding), listener=self._hear)
             self._closing.callback(self._session.end)
             self._session.start()

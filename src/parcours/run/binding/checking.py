@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from parcours.model.finding import Finding, advice
+from parcours.run.binding.domains import places
 from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
@@ -34,6 +35,7 @@ def findings(binding: Binding) -> list[Finding]:
     check.system()
     check.stack()
     check.life()
+    check.domains()
     if not check.found:
         check.found += separation_findings(binding)
     return check.found
@@ -269,6 +271,14 @@ class _Check:
         for line in led + [step.line for step in steps if step.kind == "life"]:
             rule = f"only nodes of ros2 have a life, but 'transport' is {self.binding.transport}"
             self.add(line, "binding-life", rule, "delete 'life'")
+
+    def domains(self) -> None:
+        binding = self.binding
+        why = "are led on one domain" if binding.stack is not None else "of ros1 have no domains"
+        for part in places(binding):
+            if part.domain is not None and (binding.stack is not None or binding.transport != "ros2"):
+                rule = f"nodes {'of a stack ' if binding.stack is not None else ''}{why}, but {part.domain} is named"
+                self.add(part.line, "binding-domain", rule, "delete 'domain'; ROS_DOMAIN_ID chooses that of a run")
 
     def is_ours(self, name: str) -> bool:
         """Whether the tester makes the messages of a bound channel: no node runs its sender."""

@@ -10,7 +10,7 @@ from parcours.run.binding.message_formulas import message_type
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.structure import Binding
 
-_REMEMBERED = 64
+_REMEMBERED, _PADDING = 64, 3
 
 
 class Decoder:
@@ -35,7 +35,7 @@ class Decoder:
         if key in self._known:
             return self._known[key]
         bound = self._binding.channel(channel)
-        kind, padding = self._types.class_of(message_type(bound)), 3 if self._binding.transport == "ros2" else 0
+        kind, is_exact = self._types.class_of(message_type(bound)), self._binding.transport == "ros1"
         where = f"{self._binding.source}:{bound.line}: channel {channel!r}"
         if kind is None:
             raise HostFailure(where, f"its type must be known, but {bound.type} is not", slug="unknown-message-type")
@@ -44,8 +44,9 @@ class Decoder:
         except Exception as error:  # whatever the generated code raises
             rule = f"a message must be a {message_type(bound)}, but these {len(data)} bytes are not one: {error}"
             raise HostFailure(where, rule, "look at its sender", slug="message-size") from error
+        # ROS 2 pads messages, and counts more bytes than it writes for lists whose items have gaps.
         needed = len(self._types.packed(made))
-        if not 0 <= len(data) - needed <= padding:
+        if len(data) != needed if is_exact else len(data) > needed + _PADDING:
             rule = f"a message must be a {message_type(bound)} of {needed} bytes, but has {len(data)}"
             raise HostFailure(where, rule, "look at its sender", slug="message-size")
         self._known[key] = made

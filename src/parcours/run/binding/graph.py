@@ -76,6 +76,8 @@ def _time(value: int | None, what: str) -> str:
 class RegisteredGraph:
     """What is registered: who publishes, subscribes and serves what, without the tester's own registrations.
 
+    Names of topics and services, and those in `twice`, have their domain (`domains`).
+
     Args:
         publishers: topic -> names of ROS nodes.
         subscribers: topic -> names of ROS nodes.
@@ -107,7 +109,7 @@ def graph_findings(binding: Binding, graph: RegisteredGraph, plan: SlotPlan | No
     """
     plan = whole(binding) if plan is None else plan
     is_apart = any(slot.reference is not None for slot in plan.slots)
-    found = [finding for slot in plan.slots for finding in _named(binding, slot.node.line, slot.ros_node, graph)]
+    found = [finding for slot in plan.slots for finding in _named(binding, slot.node.line, slot.graph_name, graph)]
     for spoke in plan.spokes:
         need = _need(binding, spoke, graph)
         if need is None or (is_apart and not spoke.slot):

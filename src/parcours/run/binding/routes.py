@@ -14,6 +14,7 @@ from typing import Literal
 
 from parcours.model.finding import Finding
 from parcours.model.structure import ENVIRONMENT
+from parcours.run.binding.domains import domain_of, within
 from parcours.run.binding.structure import Binding, BoundChannel, NodeProcess, Part, Transport
 
 Access = Literal["relay", "observe", "inject", "collect"]
@@ -108,13 +109,18 @@ class _Routing:
         # A service has one pair of names for both halves: its client is moved, its server keeps the address.
         client, server = (receiver, sender) if channel.part == "response" else (sender, receiver)
         out = channel.out or (self.moved_out(client, channel) if self.is_parted(channel) else channel.address)
-        into = channel.into or (self.moved_in(server, channel) if channel.address in self.shared else channel.address)
+        is_shared = self.placed(channel.address, channel, server) in self.shared
+        into = channel.into or (self.moved_in(server, channel) if is_shared else channel.address)
         if channel.part == "topic":
             out, into = ("" if access == "inject" else out), ("" if access in ("observe", "collect") else into)
         else:
             out, into = ("" if client is None else out), ("" if server is None else into)
         ends = (sender.name if sender else "", receiver.name if receiver else "")
         return BindingRoute(channel.name, channel.part, channel.type, access, *ends, out, into)
+
+    def placed(self, name: str, channel: BoundChannel, node: NodeProcess | None) -> str:
+        """Return a name with the domain of a node's end of a channel."""
+        return within(name, domain_of(channel, node))
 
     def moved_out(self, node: NodeProcess | None, channel: BoundChannel) -> str:
         return f"{OUT}/{node.name}{channel.address}" if node is not None and node.remap else channel.address
@@ -133,12 +139,12 @@ class _Routing:
         )
 
     def with_several_receivers(self) -> set[str]:
-        """Topics that the tester sends to several nodes: these listen under names of their own."""
+        """Topics that the tester sends to several nodes of a domain: these listen under names of their own."""
         receivers: dict[str, set[str]] = {}
         for channel in self.binding.channels:
             _, receiver = self.nodes(channel)
             if channel.part == "topic" and receiver is not None and self.access(channel) in ("relay", "inject"):
-                receivers.setdefault(channel.address, set()).add(receiver.name)
+                receivers.setdefault(self.placed(channel.address, channel, receiver), set()).add(receiver.name)
         return {address for address, names in receivers.items() if len(names) > 1}
 
     def remappings(self) -> dict[str, tuple[tuple[str, str], ...]]:
@@ -156,11 +162,12 @@ class _Routing:
         found = []
         for channel, route in zip(self.binding.channels, self.routes, strict=True):
             what = f"channel {channel.name!r}"
-            _, receiver = self.nodes(channel)
+            sender, receiver = self.nodes(channel)
+            into = self.placed(route.into, channel, receiver)
             if channel.observe and channel.part != "topic":
                 rule = f"{what} is of a service, which cannot be overheard, but says 'observe: true'"
                 found.append(self.at(channel, "binding-service", rule, "delete it"))
-            if receiver is not None and route.into == channel.address and channel.address in self.shared:
+            if receiver is not None and route.into == channel.address and into in self.shared:
                 rule = f"{what} shares {channel.address} with others, but its receiver is not remapped and has no 'in'"
                 remedy = f"start node {receiver.name!r} with {channel.address} remapped and give that name as 'in'"
                 found.append(self.at(channel, "binding-separation", rule, remedy))
@@ -169,7 +176,7 @@ class _Routing:
             if route.sender == route.receiver:
                 rule = f"{what} must link two nodes to be relayed, but both its ends are in node {route.sender!r}"
                 found.append(self.at(channel, "binding-inner", rule, "say 'observe: true', or do not bind it"))
-            elif route.out == route.into:
+            elif self.placed(route.out, channel, sender) == into:
                 rule = (
                     f"{what} must reach the tester first, but its sender is not remapped and no 'out' or 'in' is given"
                 )

@@ -14,6 +14,7 @@ from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.nodes import brief, shown
 from parcours.run.binding import structure as parts
 from parcours.run.binding.actions import WIRE, on_the_wire
+from parcours.run.binding.domains import LAST_DOMAIN
 from parcours.run.binding.formulas import PlacedFormula, parse_formula
 from parcours.run.binding.places import Place, parse_place
 from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
@@ -85,6 +86,10 @@ class PartReader(QuantityReader):
         self.add(node, "kind", f"{what} must be a single value, but is {shown(node)}")
         return 0
 
+    def domain(self, node: Node, what: str) -> int:
+        """Return the number of a domain of ROS 2."""
+        return self.integer(node, what, 0, LAST_DOMAIN)
+
     def identifiers(self, node: Node, what: str) -> tuple[str, ...]:
         """Return the names of a list."""
         return tuple(self.identifier(item, f"an item of {what}") for item in self.listed(node, what))
@@ -108,7 +113,7 @@ class PartReader(QuantityReader):
             "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
             "timeout": (self.duration, parts.START), "after": (self.identifiers, ()), "stop": (self.duration, 2.0),
             "restart": (self.choice("every-case", "when-dead"), "every-case"), "life": (self.choice(*LIVES), ""),
-            "realtime": (self.boolean, False),
+            "realtime": (self.boolean, False), "domain": (self.domain, None),
         }  # fmt: skip
         said = self.section(node, what, table)
         running, timeout, life = said.pop("running"), said.pop("timeout"), said.pop("life")
@@ -160,7 +165,7 @@ class PartReader(QuantityReader):
             "fields": (self.pairs(self.formula), ()), "latch": (self.boolean, False),
             "queue": (lambda node, what: self.integer(node, what, 1, 100_000), 1),
             "out": (self.address, ""), "in": (self.address, ""), "observe": (self.boolean, role == "observe"),
-            "quiescence": (self.duration, 0.0), "inject": (self.injection, None),
+            "quiescence": (self.duration, 0.0), "inject": (self.injection, None), "domain": (self.domain, None),
         }  # fmt: skip
         if role == "model":
             table["service"] = self.address, ""
@@ -251,7 +256,7 @@ class PartReader(QuantityReader):
         table: Table = {
             **dict.fromkeys(_VERBS, (self.address, "")), "is": (self.constant_of, None), "type": (self.type_name, ""),
             "to": (lambda node, what: plain(node), None), "formula": (self.formula, None),
-            "inject": (self.injection, None), "timeout": (self.duration, 4.0),
+            "inject": (self.injection, None), "timeout": (self.duration, 4.0), "domain": (self.domain, None),
         }  # fmt: skip
         said = self.section(node, f"a step of {what}", table)
         found = [verb for verb in _VERBS if said[verb]]
@@ -267,7 +272,7 @@ class PartReader(QuantityReader):
         if verb == "life" and said["is"] not in LIVES:
             self.add(node, "binding-action", f"{spoken} must say one of {', '.join(LIVES)} under 'is'")
         value = next((said[key] for key in ("is", "to") if said[key] is not None), True)
-        more = {key: said[key] for key in ("type", "formula", "inject", "timeout")}
+        more = {key: said[key] for key in ("type", "formula", "inject", "timeout", "domain")}
         return parts.Action(verb, said[verb], value=value, line=node.line, **more)  # type: ignore[arg-type]
 
     def system(self, node: Node, what: str) -> parts.SystemEntry:

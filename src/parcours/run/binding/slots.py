@@ -12,6 +12,7 @@ from typing import Literal
 
 from parcours.errors import HostFailure
 from parcours.model.structure import ENVIRONMENT
+from parcours.run.binding.domains import domain_of, within
 from parcours.run.binding.routes import INTO, OUT, remapping_words, remappings, routes
 from parcours.run.binding.structure import Binding, BoundChannel, NodeProcess, Transport
 
@@ -40,6 +41,11 @@ class ProcessSlot:
     ros_node: str = ""
     remap: tuple[tuple[str, str], ...] = ()
 
+    @property
+    def graph_name(self) -> str:
+        """The name of its node on its domain; empty if nobody said."""
+        return within(self.ros_node, self.node.domain)
+
     def arguments(self, transport: Transport) -> tuple[str, ...]:
         """Return what is appended to the command of its node, which may be one of several in its process on ROS 2."""
         if self.ros_node == self.node.ros_node:
@@ -60,6 +66,7 @@ class Spoke:
     Attributes:
         slot: its name; empty for all who listen there.
         side: which way messages go, of a service requests.
+        address: its name, with its domain (`domains`).
         channels: that pass here; of a service its requests and then its responses, each empty if it is not bound.
         overheard: whether its messages reach their receivers without the tester.
     """
@@ -93,13 +100,21 @@ class SlotPlan:
 
 @dataclass(slots=True)
 class _Spokes:
+    binding: Binding
     found: dict[tuple[str, Side, str, str], Spoke] = field(default_factory=dict)
+
+    def node(self, channel: BoundChannel, slot: str) -> NodeProcess | None:
+        """Return the node of a slot; where a channel is overheard, the one that sends."""
+        sender = self.binding.ends(channel.name)[0]
+        name = slot.partition("#")[0]
+        return next((one for one in self.binding.nodes if one.name == name), None) or self.binding.process_of(sender)
 
     def add(self, channel: BoundChannel, slot: str, side: Side, address: str, client: str = "", *,
             overheard: bool = False) -> None:  # fmt: skip
         """Let a channel pass there; of a service those of each client by themselves, so that answers are told apart."""
         if not address or channel.part == "goal":  # the tester asks action servers itself
             return
+        address = within(address, domain_of(channel, self.node(channel, slot)))
         key = slot, side, address, client if channel.part != "topic" else ""
         before = self.found.get(key)
         if channel.part == "topic":
@@ -113,7 +128,7 @@ class _Spokes:
 
 def whole(binding: Binding) -> SlotPlan:
     """Return the plan in which every node runs once."""
-    spokes = _Spokes()
+    spokes = _Spokes(binding)
     for channel, route in zip(binding.channels, routes(binding), strict=True):
         client, server = (route.receiver, route.sender) if route.part == "response" else (route.sender, route.receiver)
         spokes.add(channel, client, "out", route.out, client, overheard=route.access == "observe")
@@ -133,7 +148,7 @@ def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
     Raises:
         HostFailure: a node that cannot be run twice is needed twice.
     """
-    spokes, slots = _Spokes(), []
+    spokes, slots = _Spokes(binding), []
     taken: dict[str, int] = {}
     for number, component in references.items():
         node = binding.process_of(component)

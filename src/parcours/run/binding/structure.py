@@ -51,6 +51,7 @@ class NodeProcess:
     An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
     tells whether it obeys remapping arguments that are appended to its command. It is started when the nodes `after`
     are ready, asked to stop, and ended after `stop` [s]. `realtime` asks for it to run before all ordinary processes.
+    `domain` is that of ROS 2 on which it runs; None for that of the environment.
     """
 
     name: str
@@ -65,6 +66,7 @@ class NodeProcess:
     restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
     realtime: bool = False
+    domain: int | None = None
     line: int = field(default=0, compare=False)
 
     @property
@@ -113,6 +115,7 @@ class BoundChannel:
         answer: who answers calls of a service that are no part of an abstract case: the tester, or a node run for it.
         ends: the nodes that send and receive it, for role `between` only.
         action: which part of an action of ROS 2 it is, if it is one.
+        domain: of ROS 2, where both ends of it are; None for those of its nodes.
     """
 
     name: str
@@ -132,6 +135,7 @@ class BoundChannel:
     answer: Literal["tester", "node"] = "tester"
     ends: tuple[str, str] = ("", "")
     action: ActionPart = ""
+    domain: int | None = None
     line: int = field(default=0, compare=False)
 
 
@@ -167,6 +171,7 @@ class Action:
     formula: PlacedFormula | None = None
     inject: Injection | None = None
     timeout: float = 4.0
+    domain: int | None = None
     line: int = field(default=0, compare=False)
 
 
@@ -282,6 +287,12 @@ class Binding:
     def process_of(self, component: str) -> NodeProcess | None:
         """Return the process that runs a component, or None if none does: the tester stands in for it."""
         return next((node for node in self.nodes if component in node.components), None)
+
+    @property
+    def starts_all(self) -> bool:
+        """Whether the tester starts every node, itself or by a launcher: none is the user's."""
+        launched = [node for launcher in self.nodes for node in self.launched_by(launcher)]
+        return all(node.is_ours or node in launched for node in self.nodes)
 
     def launched_by(self, launcher: NodeProcess) -> tuple[NodeProcess, ...]:
         """Return the nodes that a launcher starts: those that run already when they come `after` it."""

@@ -48,7 +48,10 @@ class TesterClient(Protocol):
 class ForeignGraph(Protocol):
     """The tester on a graph. Types are written `package/Type`, names of nodes, topics and services are global.
 
+    On ROS 2 they may have a domain (`binding.domains`).
+
     Attributes:
+        binding: as it is on this graph.
         label: `ros1` or `ros2`.
         environment: what a node needs in its environment to be on this graph.
         types: of its messages.
@@ -56,6 +59,7 @@ class ForeignGraph(Protocol):
         ending: how long a node may take to leave the graph in order when a case of its own is over [s].
     """
 
+    binding: Binding
     label: str
     environment: Mapping[str, str]
     types: MessageTypes
@@ -100,6 +104,9 @@ class ForeignGraph(Protocol):
 
     def state(self, services: Collection[str] = ()) -> RegisteredGraph:
         """Return who is there without the tester; types of these services, too."""
+
+    def require_alone(self) -> None:
+        """Raise HostFailure if somebody is there already."""
 
     def answers(self, node: str) -> bool:
         """Return whether a node is on the graph, and lives as far as can be told; callable from any thread."""

@@ -14,6 +14,7 @@ from parcours.errors import BadRequest
 from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, compile_binding
 from parcours.run.binding.actions import STATUS, WIRE
+from parcours.run.binding.domains import domain_of, domains, within
 from parcours.run.binding.in_transit import Answered
 from parcours.run.binding.message_formulas import message_type
 from parcours.run.binding.slots import ProcessSlot, SlotPlan, Spoke
@@ -37,20 +38,21 @@ class ForeignHost:
         binding: of any transport.
         folder: for the output of the nodes; made if it is not there.
         master: of a ROS 1 master that runs; the binding's, if empty; one of the tester's own, if that is empty, too.
+        is_shared: whether others may be in the network: a domain of ROS 2 that is in use is refused.
 
     Attributes:
         graph: once entered.
         running: slots whose process was started here and is not ended.
 
     Raises:
-        HostFailure: there is no such ROS, or no master answers at the address within 5 s.
+        HostFailure: there is no such ROS, no master answers at the address within 5 s, or the domain is in use.
         BadRequest: the binding does not fit the message types.
     """
 
     graph: ForeignGraph
 
-    def __init__(self, binding: Binding, folder: Path, master: str = "") -> None:
-        self.binding, self.folder, self._master = binding, folder, master
+    def __init__(self, binding: Binding, folder: Path, master: str = "", *, is_shared: bool = False) -> None:
+        self.binding, self.folder, self._master, self._is_shared = binding, folder, master, is_shared
         self.running: dict[str, tuple[ProcessSlot, KeptProcess]] = {}
         self._owner: dict[str, Owner] = {}
         self._listeners: dict[str, TesterEnd] = {}
@@ -70,6 +72,7 @@ class ForeignHost:
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.graph = open_graph(self.binding, self._master)
+        self.binding = self.graph.binding
         try:
             try:
                 self.compile()
@@ -77,6 +80,8 @@ class ForeignHost:
                 if self.graph.label != "ros1" or "unknown-message-type" not in str(error):
                     raise  # on ROS 1 a node may yet tell its type
             self.graph.declare(dict(self.binding.parameters))
+            if self._is_shared and self.binding.starts_all:
+                self.graph.require_alone()
         except BaseException:
             self.close()
             raise
@@ -96,9 +101,10 @@ class ForeignHost:
         made.clock.sec, made.clock.nanosec = divmod(
             time.perf_counter_ns() - self._entered + 1_000_000_000, 1_000_000_000
         )
-        end = self.graph.publish("/clock", _CLOCK, queue=10, latch=False)
-        if end is not None:
-            end.send(self.graph.types.packed(made))
+        for domain in (None, *domains(self.binding)):
+            end = self.graph.publish(within("/clock", domain), _CLOCK, queue=10, latch=False)
+            if end is not None:
+                end.send(self.graph.types.packed(made))
 
     # Processes.
 
@@ -110,7 +116,8 @@ class ForeignHost:
         fresh = [slot for slot in slots if slot.node.is_ours and slot.name not in self.running]
         for slot in fresh:
             node = slot.node
-            env = {**os.environ, **self.graph.environment, **dict(node.env)}
+            where = {} if node.domain is None else {"ROS_DOMAIN_ID": str(node.domain)}
+            env = {**os.environ, **self.graph.environment, **where, **dict(node.env)}
             log = self.folder / f"{file_name(slot.name)}.log"
             command = (*node.command, *self.graph.arguments(slot))
             priority = NODE_PRIORITY if node.realtime else 0
@@ -169,10 +176,10 @@ class ForeignHost:
         for goal in (one for one in self.binding.channels if one.action == "goal"):
             client, server = (self.binding.process_of(end) for end in self.binding.ends(goal.name))
             if client is not None and all(slot.node is not server for slot in slot_plan.slots):
-                self._attach_rest(goal)
+                self._attach_rest(goal, domain_of(goal, client))
         self.graph.spin(0)
 
-    def _attach_rest(self, goal: BoundChannel) -> None:
+    def _attach_rest(self, goal: BoundChannel, domain: int | None) -> None:
         """Offer what is not bound of an action that no node serves: its clients wait until all of it is there."""
         front, base = goal.address.rpartition("/")[0], goal.type.removesuffix("_SendGoal")
         bound = {one.address for one in self.binding.channels}
@@ -181,6 +188,7 @@ class ForeignHost:
             address = f"{front}/{end}"
             if address in bound:
                 continue
+            address = within(address, domain)
             if end in ("status", "feedback"):
                 self.graph.publish(address, kind, queue=1, latch=False)
             else:

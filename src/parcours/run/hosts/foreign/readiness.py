@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from parcours.errors import HostFailure
 from parcours.model.finding import Finding
 from parcours.run.binding import structure
+from parcours.run.binding.domains import within
 from parcours.run.binding.graph import RegisteredGraph, graph_findings
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import ProcessSlot, SlotPlan
@@ -119,20 +120,20 @@ class Readiness:
             case "parameter":
                 return bool(host.graph.parameter(one.name) == one.value)
             case "life":
-                return host.graph.lead(slot.ros_node, str(one.value))
+                return host.graph.lead(slot.graph_name, str(one.value))
             case "node":
-                return host.graph.answers(one.name)
+                return host.graph.answers(within(one.name, slot.node.domain))
             case "message":
                 return any(one.name == host.binding.channel(event.channel).address for event in self._relay.events
                            if event.kind == "send")  # fmt: skip
         state = host.graph.state()
         tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
-        return any(table.get(one.name) for table in tables)
+        return any(table.get(within(one.name, slot.node.domain)) for table in tables)
 
     def complaint(self, late: list[tuple[ProcessSlot, ReadyWhen]]) -> HostFailure:
         """Return what is missing by now; `late` is what has not come in its time."""
         where = self._host.binding.source or self._host.binding.name
-        absent = [(slot, one) for slot, one in late if slot.ros_node and not self._host.graph.answers(slot.ros_node)]
+        absent = [(slot, one) for slot, one in late if slot.ros_node and not self._host.graph.answers(slot.graph_name)]
         found = self.findings()
         if found and not absent:
             if len(found) == 1:
@@ -150,7 +151,7 @@ class Readiness:
         )
         if absent:
             lives = f"; its process lives and has worked for {process[1].worked()[0]:.1f} s" if process else ""
-            why = f"the graph knows no {slot.ros_node}{lives}; {why}"
+            why = f"the graph knows no {slot.graph_name}{lives}; {why}"
         rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
         remedy = "give it a longer 'timeout' if it starts slowly; see 'ready' and 'ros_node'"
         return HostFailure(f"{where}:{one.line}: node {names}", rule, remedy, slug="foreign-ready")

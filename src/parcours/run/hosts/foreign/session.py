@@ -202,7 +202,7 @@ class Session:
             silent: dict[str, int] = {}
             while not self._over.wait(_PING):
                 for slot in others:
-                    if self.host.graph.answers(slot.ros_node):
+                    if self.host.graph.answers(slot.graph_name):
                         silent.pop(slot.name, None)
                     elif slot.name in silent:
                         self._lost.setdefault(slot.name, silent[slot.name])

@@ -49,6 +49,7 @@ class Ros1Graph:
     ending = 0.2
 
     def __init__(self, binding: Binding, master: str = "") -> None:
+        self.binding = binding
         self._known = ForeignTypes(binding.python_paths, binding.interfaces)
         self.types = MessageTypes(self._known.find)
         self.refusals: list[str] = []
@@ -145,6 +146,9 @@ class Ros1Graph:
                 connection.close()
                 types[service] = theirs.get("type", ANY)
         return RegisteredGraph(publishers, subscribers, servers, types)
+
+    def require_alone(self) -> None:
+        """Do nothing: a master that runs is joined because the user names it."""
 
     def answers(self, node: str) -> bool:
         """Return whether a node is registered and answers at its address."""

@@ -52,6 +52,7 @@ class TopicEnd(ABC):
 
     def __init__(self, graph: Ros2Graph, topic: str, type_: str) -> None:
         self._graph, self.topic, self.type = graph, topic, type_
+        self._participant, self._name = graph.at(topic)
         self._made: Any = None
 
     def looks(self) -> bool:
@@ -101,7 +102,7 @@ class Listener(TopicEnd):
             return None
         weakest = Quality(all(one.reliable for one in theirs), all(one.latched for one in theirs))
         kind = self._graph.known.find(self.type)
-        return self._graph.participant.overhear(kind, self.topic, self._heard, matched_quality(weakest, _DEPTH))
+        return self._participant.overhear(kind, self._name, self._heard, matched_quality(weakest, _DEPTH))
 
     def _matched(self) -> int:
         return int(self._made.speakers)
@@ -130,7 +131,7 @@ class PublishedTopic(TopicEnd):
             quality = Quality(quality.reliable, True, quality.deadline, quality.manual, quality.lease)
         depth = self._queue if quality.latched else max(self._queue, _DEPTH)
         kind = self._graph.known.find(self.type)
-        made = self._graph.participant.node.create_publisher(kind, self.topic, matched_quality(quality, depth))
+        made = self._participant.node.create_publisher(kind, self._name, matched_quality(quality, depth))
         if self._last is not None:
             made.publish(self._last)
         return made
@@ -156,7 +157,7 @@ class PublishedTopic(TopicEnd):
     def close(self) -> None:
         """Publish no longer."""
         if self._made is not None:
-            self._graph.participant.node.destroy_publisher(self._made)
+            self._participant.node.destroy_publisher(self._made)
 
 
 def _strictest(requested: Iterable[Quality]) -> Quality:
@@ -173,7 +174,8 @@ class ServiceCaller:
     def __init__(self, graph: Ros2Graph, service: str, kind: Any) -> None:
         self._graph, self._kind = graph, kind
         self._waiting: dict[int, Answered] = {}
-        self._client = graph.participant.inquire(kind, service, self._answer)
+        participant, name = graph.at(service)
+        self._client = participant.inquire(kind, name, self._answer)
 
     def _answer(self, number: int, response: Any) -> None:
         answered = self._waiting.pop(number, None)

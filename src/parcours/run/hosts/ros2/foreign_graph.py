@@ -16,6 +16,7 @@ from typing import Any
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.binding import Binding, RegisteredGraph
+from parcours.run.binding.domains import at_home, domains, parted, within
 from parcours.run.binding.graph import Quality
 from parcours.run.binding.schema import LIVES
 from parcours.run.binding.slots import ProcessSlot
@@ -33,7 +34,7 @@ from parcours.run.hosts.ros2.foreign_ends import (
 )
 from parcours.run.hosts.ros2.foreign_types import Ros2Types
 from parcours.run.hosts.ros2.participant import Ros2Participant
-from parcours.run.hosts.ros2.transport import claim
+from parcours.run.hosts.ros2.transport import claim, occupied
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.recording import Raw
 
@@ -47,12 +48,15 @@ _CHANGES = {("unconfigured", True): "configure", ("inactive", True): "activate",
             ("inactive", False): "cleanup"}  # fmt: skip
 """The next transition of a lifecycle node, by its state and whether it goes up."""
 
+_LISTEN = 600_000_000
+"""For how long to listen for nodes that are there already [ns]: discovery takes some 0.15 s."""
+
 _ANSWER = 1.0
 """How long a node may take to answer a question about its parameters [s]."""
 
 
 class Ros2Graph:
-    """The tester's node on a domain: that of the environment.
+    """The tester's node on the domain of the environment, and on each that the binding names.
 
     Raises:
         HostFailure: there is no rclpy, or another tester is on the domain.
@@ -68,7 +72,7 @@ class Ros2Graph:
         self.types = self.known.types
         self.refusals: list[str] = []
         self.environment: Mapping[str, str] = {}
-        self._binding = binding
+        self.binding = binding
         self._parameters: dict[str, Value] = {}
         self._ends: dict[str, TopicEnd] = {}
         self._callers: dict[str, ServiceCaller] = {}
@@ -79,12 +83,18 @@ class Ros2Graph:
         self._watched: dict[int, Callable[[], None]] = {}
         self._closing = contextlib.ExitStack()
         self._participant: Ros2Participant | None = None
+        self._domains: dict[int | None, Ros2Participant] = {}
         self._join()
-        self._closing.enter_context(claim(self.participant.domain, TESTER[1:]))
+        for one in self._domains.values():
+            self._closing.enter_context(claim(one.domain, TESTER[1:]))
 
     def _join(self) -> None:
         with real_time():  # the middleware's threads inherit it
-            self.participant = self._participant = Ros2Participant(TESTER[1:])
+            self.participant = self._participant = own = Ros2Participant(TESTER[1:])
+            self.binding = at_home(self.binding, own.domain)
+            self._domains = {None: own}
+            for one in sorted(domains(self.binding)):
+                self._domains[one] = Ros2Participant(TESTER[1:], one, own)
         self.environment = {name: os.environ[name] for name in os.environ if name.startswith(("ROS_", "FASTDDS_"))}
         self.environment = {**self.environment, "ROS_DOMAIN_ID": str(self.participant.domain)}
         if self.known.built is not None:
@@ -109,6 +119,11 @@ class Ros2Graph:
         self.participant.close()
         self._join()
 
+    def at(self, name: str) -> tuple[Ros2Participant, str]:
+        """Return the participant on the domain of a name, and the name there."""
+        plain, domain = parted(name)
+        return self._domains[domain], plain
+
     # Ends.
 
     def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> PublishedTopic:
@@ -127,7 +142,8 @@ class Ros2Graph:
         """Call `asked` with each request; who is refused hears nothing, since ROS 2 knows no refusal."""
         if service not in self._served:
             self._served.add(service)
-            self.participant.serve_any(self._service(type_), service, asked, self.types)
+            participant, name = self.at(service)
+            participant.serve_any(self._service(type_), name, asked, self.types)
 
     def call(self, service: str, type_: str) -> ServiceCaller:
         """Return what calls a service."""
@@ -189,27 +205,24 @@ class Ros2Graph:
 
     def published(self, topic: str) -> list[Any]:
         """Return who publishes a topic."""
-        return _others(self.participant.node.get_publishers_info_by_topic(topic))
+        participant, name = self.at(topic)
+        return _others(participant.node.get_publishers_info_by_topic(name))
 
     def subscribed(self, topic: str) -> list[Any]:
         """Return who subscribes to a topic."""
-        return _others(self.participant.node.get_subscriptions_info_by_topic(topic))
-
-    def _nodes(self) -> list[tuple[str, str]]:
-        return [
-            (str(name), str(space)) for name, space in self.participant.node.get_node_names_and_namespaces()
-            if full_name(name, space) != TESTER
-        ]  # fmt: skip
+        participant, name = self.at(topic)
+        return _others(participant.node.get_subscriptions_info_by_topic(name))
 
     def state(self, services: Collection[str] = ()) -> RegisteredGraph:
         """Return who is there without the tester, with the types of everything."""
-        node = self.participant.node
         types: dict[str, str] = {}
         publishers: dict[str, list[str]] = {}
         subscribers: dict[str, list[str]] = {}
         offered: dict[str, dict[str, Quality]] = {}
         requested: dict[str, dict[str, Quality]] = {}
-        for topic, _ in node.get_topic_names_and_types():
+        topics = [within(topic, domain) for domain, one in self._domains.items()
+                  for topic, _ in one.node.get_topic_names_and_types()]  # fmt: skip
+        for topic in topics:
             for found, names, qualities in (
                 (self.published(topic), publishers, offered), (self.subscribed(topic), subscribers, requested),
             ):  # fmt: skip
@@ -220,19 +233,33 @@ class Ros2Graph:
                     }
                     types[topic] = short_type(found[0].topic_type)
         servers: dict[str, list[str]] = {}
-        nodes = self._nodes()
-        for name, space in nodes:
-            with contextlib.suppress(Exception):  # it may have gone meanwhile: rclpy has an error of its own for that
-                for service, kinds in node.get_service_names_and_types_by_node(name, space):
-                    servers.setdefault(service, []).append(full_name(name, space))
-                    types[service] = short_type(kinds[0])
-        counts = Counter(full_name(*one) for one in nodes)
+        counts: Counter[str] = Counter()
+        for domain, one in self._domains.items():
+            for name, space in _nodes(one):
+                counts[within(full_name(name, space), domain)] += 1
+                with contextlib.suppress(Exception):  # it may have gone meanwhile: rclpy has its own error for that
+                    for plain, kinds in one.node.get_service_names_and_types_by_node(name, space):
+                        service = within(plain, domain)
+                        servers.setdefault(service, []).append(full_name(name, space))
+                        types[service] = short_type(kinds[0])
         twice = sorted(name for name, count in counts.items() if count > 1)
         return RegisteredGraph(publishers, subscribers, servers, types, offered, requested, twice)
 
+    def require_alone(self) -> None:
+        """Raise HostFailure if nodes are there already; those with names of the binding are looked at later."""
+        until, own = time.perf_counter_ns() + _LISTEN, {node.ros_node for node in self.binding.nodes}
+        while time.perf_counter_ns() < until:
+            self.spin(until)
+        for one in self._domains.values():
+            if strangers := sorted({full_name(*name) for name in _nodes(one)} - own):
+                raise occupied(one.domain, strangers)
+
     def answers(self, node: str) -> bool:
         """Return whether a node is on the graph; one that was killed is, until its lease is over."""
-        return self._participant is not None and any(full_name(*one) == node for one in self._nodes())
+        if self._participant is None:
+            return False
+        participant, name = self.at(node)
+        return any(full_name(*one) == name for one in _nodes(participant))
 
     def forget(self, node: str) -> None:
         """Do nothing: the next run's participant will not hear of it."""
@@ -241,12 +268,12 @@ class Ros2Graph:
 
     def declare(self, values: Mapping[str, Value]) -> None:
         """Note what nodes are started with."""
-        names = sorted({node.ros_node for node in self._binding.nodes if node.ros_node})
+        names = sorted({node.ros_node for node in self.binding.nodes if node.ros_node})
         for key in values:
             node = key.rpartition("/")[0]
             if node not in names:
                 rule = f"a parameter must be a node's on ROS 2, but no node of the binding is called {node or '/'}"
-                where = self._binding.source or self._binding.name
+                where = self.binding.source or self.binding.name
                 remedy = one_of(node, names) or "give the node its 'ros_node'"
                 raise BadRequest(f"{where}: parameter {key}", rule, remedy, slug="binding-parameter")
         self._parameters = dict(values)
@@ -266,7 +293,8 @@ class Ros2Graph:
         """Return the value of a parameter; None if it is not set, or its node does not answer."""
         from rcl_interfaces.srv import GetParameters
 
-        answer = self._inquired(key, GetParameters, "get_parameters", GetParameters.Request(names=[_name(key)]))
+        request = GetParameters.Request(names=[parted(_name(key))[0]])
+        answer = self._inquired(key, GetParameters, "get_parameters", request)
         return None if answer is None or not answer.values else _plain(answer.values[0])
 
     def set_parameter(self, key: str, value: Value) -> None:
@@ -274,7 +302,7 @@ class Ros2Graph:
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
 
-        given = Parameter(_name(key), value=list(value) if isinstance(value, tuple) else value)
+        given = Parameter(parted(_name(key))[0], value=list(value) if isinstance(value, tuple) else value)
         request = SetParameters.Request(parameters=[given.to_parameter_msg()])
         answer = self._inquired(key, SetParameters, "set_parameters", request)
         why = "its node does not answer" if answer is None else answer.results[0].reason or "its node refuses"
@@ -286,7 +314,8 @@ class Ros2Graph:
         from lifecycle_msgs.msg import Transition
         from lifecycle_msgs.srv import ChangeState, GetState
 
-        key = f"{node}/"
+        name, domain = parted(node)
+        key = within(f"{name}/", domain)
         while (answer := self._inquired(key, GetState, "get_state", GetState.Request())) is not None:
             now = answer.current_state.label
             if now == state or now not in LIVES:  # it is there, or on its way
@@ -303,9 +332,12 @@ class Ros2Graph:
     def _inquired(self, key: str, kind: Any, service: str, request: Any) -> Any:
         """Return a node's answer; None if there is none in time."""
         answers: list[Any] = []
-        client = self.participant.inquire(
-            kind, f"{_owner(key)}/{service}", lambda number, answer: answers.append(answer)
-        )
+        name, domain = parted(key)
+        owner = _owner(name)
+        if domain is None:
+            domain = next((one.domain for one in self.binding.nodes if one.ros_node == owner), None)
+        participant, asked = self._domains[domain], f"{owner}/{service}"
+        client = participant.inquire(kind, asked, lambda number, answer: answers.append(answer))
         until, is_sent = time.perf_counter_ns() + int(_ANSWER * 1e9), False
         try:
             while not answers and time.perf_counter_ns() < until:
@@ -314,12 +346,19 @@ class Ros2Graph:
                     is_sent = True
                 self.spin(time.perf_counter_ns() + _PIECE)
         finally:
-            self.participant.forget(client)
+            participant.forget(client)
         return answers[0] if answers else None
 
     def kind(self, type_: str) -> Raw | None:
         """Return an empty message of a type, as recordings name it."""
         return self.known.kind(type_)
+
+
+def _nodes(participant: Ros2Participant) -> list[tuple[str, str]]:
+    return [
+        (str(name), str(space)) for name, space in participant.node.get_node_names_and_namespaces()
+        if full_name(name, space) != TESTER
+    ]  # fmt: skip
 
 
 def _others(found: Iterable[Any]) -> list[Any]:

@@ -19,6 +19,7 @@ from typing import Any
 import msgspec
 
 from parcours.errors import HostFailure
+from parcours.run.binding.domains import LAST_DOMAIN
 from parcours.run.binding.graph import Quality
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.hosts.graph_line import Answered, Reply
@@ -26,8 +27,6 @@ from parcours.run.hosts.ros2.cdr import read, writer
 
 DEPTH = 10_000
 """How many messages wait for a reader that is slow, or frozen, before the oldest are lost."""
-
-_LAST_DOMAIN = 232
 
 _SETTINGS = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -49,9 +48,10 @@ class Ros2Participant:
     Args:
         name: of the node.
         domain: the graph's number; that of the environment, or 0, if not given.
+        beside: one on another domain, which from now on hears for this one, too, when it spins; it closes both.
     """
 
-    def __init__(self, name: str, domain: int | None = None) -> None:
+    def __init__(self, name: str, domain: int | None = None, beside: Ros2Participant | None = None) -> None:
         for variable, value in _SETTINGS.items():
             os.environ.setdefault(variable, value)
         require_rclpy()
@@ -72,6 +72,10 @@ class Ros2Participant:
             "service": [],
         }
         self._set: Any = None
+        self._beside: list[Ros2Participant] = []
+        self._listening = self if beside is None else beside
+        if beside is not None:
+            beside._beside.append(self)
 
     is_ended = False
     """No tool of a ROS 2 graph orders nodes to end."""
@@ -186,13 +190,14 @@ class Ros2Participant:
         return client
 
     def _add(self, kind: str, entity: Any, take: Callable[[], bool]) -> None:
-        self._takers[kind].append((entity.handle, take))
-        self._set = None
+        self._listening._takers[kind].append((entity.handle, take))  # a wait set takes what is of other contexts, too
+        self._listening._set = None
 
     def forget(self, client: Any) -> None:
         """Ask no more."""
-        self._takers["client"] = [one for one in self._takers["client"] if one[0] is not client.handle]
-        self._set = None
+        takers = self._listening._takers
+        takers["client"] = [one for one in takers["client"] if one[0] is not client.handle]
+        self._listening._set = None
         self.node.destroy_client(client)
 
     def spin(self, until: int | None) -> bool:
@@ -244,6 +249,8 @@ class Ros2Participant:
 
     def close(self) -> None:
         """Leave the graph. Again: do nothing."""
+        for one in self._beside:
+            one.close()
         self._set = None
         for takers in self._takers.values():
             takers.clear()
@@ -305,11 +312,11 @@ class Ros2Client:
 def _checked(domain: int | str) -> int:
     """Return the number of a domain; the middleware ends the process that asks for another."""
     try:
-        if 0 <= int(domain) <= _LAST_DOMAIN:
+        if 0 <= int(domain) <= LAST_DOMAIN:
             return int(domain)
     except ValueError:
         pass
-    rule = f"domains are numbered 0 to {_LAST_DOMAIN}, but {domain!r} was given"
+    rule = f"domains are numbered 0 to {LAST_DOMAIN}, but {domain!r} was given"
     raise HostFailure("ROS 2 host", rule, "set ROS_DOMAIN_ID", slug="ros2-domain")
 
 

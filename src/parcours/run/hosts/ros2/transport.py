@@ -79,8 +79,12 @@ def claim(domain: int, node: str) -> socket.socket:
     return held
 
 
-def occupied(domain: int) -> HostFailure:
-    """Return what is wrong with a domain on which another tester has nodes of the same names."""
-    rule = "must be alone with its nodes, but nodes of another tester report there, too"
-    remedy = "use another ROS_DOMAIN_ID, or a network of your own"
+def occupied(domain: int, strangers: Sequence[str] = ()) -> HostFailure:
+    """Return what is wrong with a domain on which others are: strangers, or another tester's nodes of these names."""
+    rule, remedy = "must be alone with its nodes, but", "use another ROS_DOMAIN_ID, or a network of your own"
+    if strangers:
+        rule = f"{rule} {', '.join(strangers[:5])}{' and others' if strangers[5:] else ''} run there already"
+        remedy = f"{remedy} (--network own); list with 'running: true' what belongs to the system"
+    else:
+        rule = f"{rule} nodes of another tester report there, too"
     return HostFailure(f"ROS domain {domain}", rule, remedy, slug="ros2-occupied")
