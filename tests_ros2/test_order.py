@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import threading
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from parcours.run.binding.slots import Spoke
+from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign import abstract
 
@@ -38,6 +41,29 @@ def test_callbacks_come_in_the_order_that_is_demanded_in_every_repetition(
     bench.enforced(bench.GRAPHS[name], 20, tmp_path)
     seen = bench.seen(bench.GRAPHS[name], tmp_path, 0)
     assert seen.orders == {AS_DEMANDED[name]: 20}
+
+
+def test_a_message_waits_until_a_node_that_stands_still_has_taken_the_one_before_it(
+    bench: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two that lie there when it goes on are taken in the order of its subscriptions, which is the other one."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "46")
+    say, went_on = ForeignHost.say, list[threading.Timer]()
+
+    def say_to_one_that_stands(self: ForeignHost, spoke: Spoke, data: bytes) -> int:
+        if "y" in spoke.channels:
+            node = self.running[spoke.slot][1]
+            node.act("stop")
+            assert node.await_stop(10.0)
+            went_on.append(threading.Timer(0.3, node.act, ["continue"]))
+            went_on[-1].start()
+        return say(self, spoke, data)
+
+    monkeypatch.setattr(ForeignHost, "say", say_to_one_that_stands)
+    graph = bench.GRAPHS["parallel inputs"]
+    bench.enforced(graph, 3, tmp_path)
+    assert len(went_on) == 3
+    assert bench.seen(graph, tmp_path, 0).orders == {AS_DEMANDED["parallel inputs"]: 3}
 
 
 def test_a_node_that_has_not_begun_with_a_message_gets_no_other_one_however_long_it_takes(
