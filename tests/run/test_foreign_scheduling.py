@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from parcours.run.hosts.foreign.process import KeptProcess
@@ -43,6 +44,36 @@ def test_a_node_runs_all_the_same_where_it_is_not_allowed(tmp_path: Path) -> Non
     said = subprocess.run([*words, sys.executable, "-c", _STARTED, str(tmp_path / "log")], capture_output=True,
                           text=True, check=True)  # fmt: skip
     assert said.stdout.split() == ["SCHED_OTHER", str(os.SCHED_OTHER)]
+
+
+_CROWD = """
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+for _ in range(3):
+    if not os.fork():
+        break
+while True:
+    pass
+"""
+
+
+def test_a_process_that_waits_for_its_turn_is_known_to_want_a_processor_and_one_that_sleeps_is_not(
+    tmp_path: Path,
+) -> None:
+    one = KeptProcess("one", [sys.executable, "-c", _CROWD], tmp_path, dict(os.environ), tmp_path / "log")
+    other = KeptProcess("other", ["sleep", "60"], tmp_path, dict(os.environ), tmp_path / "log")
+    try:
+        for process in (one, other):
+            process.await_start()
+        while one.effort() < 300_000_000:
+            time.sleep(0.05)
+        assert one.demand() > 2 * one.effort()
+        assert one.is_wanting()
+        assert other.demand() < 0.3 * one.demand()
+        assert not other.is_wanting()
+    finally:
+        one.end(0.0)
+        other.end(0.0)
 
 
 def test_the_report_names_who_did_not_get_it() -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from parcours.errors import HostFailure
-from parcours.filenames import file_name
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.message_formulas import message_type
@@ -167,7 +166,7 @@ class StackNodes:
 
     def output(self, name: str) -> str:
         """Return what a node has printed so far."""
-        return (self._session.host.folder / f"{file_name(name)}.log").read_text(encoding="utf-8", errors="replace")
+        return self._session.host.running[name][1].output()
 
     def begin(self) -> None:
         """Begin a case: time starts again, the binding's steps are done, and earlier messages are dropped."""

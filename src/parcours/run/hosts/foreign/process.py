@@ -159,13 +159,22 @@ class KeptProcess:
         effort = self.effort()
         return effort != since and not set(self._states()) & set("RDTt") and self.effort() == effort
 
-    def worked(self) -> tuple[float, bool]:
-        """Return its processor time, itself, not what it has started [s], and whether it wants more or a disk now."""
-        try:
-            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            return 0.0, False
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), fields[0] in "RD"
+    def demand(self) -> int:
+        """Return for how long its threads have had a processor, or have waited for one [ns].
+
+        However crowded the machine is, one that starts asks for all of a processor, and one that is done for little.
+        """
+        folder, total = f"/proc/{self.pid}/task", 0
+        with contextlib.suppress(OSError):
+            for thread in os.listdir(folder):  # noqa: PTH208 asked often
+                with contextlib.suppress(OSError):  # it may have ended meanwhile
+                    had, waited, _ = Path(f"{folder}/{thread}/schedstat").read_text(encoding="ascii").split()
+                    total += int(had) + int(waited)
+        return total
+
+    def is_wanting(self) -> bool:
+        """Return whether one of its threads wants a processor, or a disk, now."""
+        return bool(set(self._states()) & set("RD"))
 
     def how(self, began: int | None = None) -> str:
         """Return how it ended, in words, with the last lines that it has said.
@@ -178,6 +187,12 @@ class KeptProcess:
         said = self.tail()
         when = "" if began is None else f" at {max(self.ended - began, 0) * 1e-9:.3f} s"
         return f"{ending(self.status)}{when}; " + (f"its last lines: {' | '.join(said)}" if said else "it said nothing")
+
+    def output(self) -> str:
+        """Return what it has said since it was started; its log may be that of several."""
+        with self.log.open("rb") as output:
+            output.seek(self._begin)
+            return output.read().decode(errors="replace")
 
     def tail(self) -> list[str]:
         """Return the last lines of its output since it was started."""

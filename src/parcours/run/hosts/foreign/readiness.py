@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 
 from parcours.errors import HostFailure
@@ -18,11 +17,8 @@ from parcours.run.hosts.foreign.host import ForeignHost
 _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 """A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
 
-_AT_WORK = 0.15
-"""Nodes that still load what they need use more of a processor than this; complete ones mostly wait."""
-
-_CROWDED = 2.0
-"""With more programs than this that want a processor, for each of them, a silent node may not have had its turn."""
+_AT_WORK = 0.3
+"""Nodes that still load what they need use, or wait for, more of a processor than this; complete ones sleep."""
 
 _UNSEEN = ("node-twice", "qos-mismatch")
 """What may be wrong although every node, for itself, is ready."""
@@ -35,7 +31,8 @@ class Readiness:
         self._host, self._seating, self._relay, self._now = host, slot_plan, relay, now
         self._began: dict[str, int] = {}
         self._waiting: dict[str, list[ReadyWhen]] = {}
-        self._looked, self._changed, self._state, self._worked = 0, 0, RegisteredGraph(), 0.0
+        self._looked, self._changed, self._state = 0, 0, RegisteredGraph()
+        self._demands: dict[str, int] = {}
 
     def begin(self, slots: Iterable[ProcessSlot]) -> None:
         """Wait for these, too, from now on."""
@@ -87,10 +84,11 @@ class Readiness:
             one.kind != "bound" or one.timeout != structure.START for slot in begun for one in slot.node.ready
         ):
             return False
-        state, works = self._host.graph.state(), [process.worked() for _, process in self._host.running.values()]
-        worked = sum(time for time, _ in works)
-        is_busy = any(wants for _, wants in works) or worked - self._worked > _AT_WORK * elapsed * 1e-9
-        is_crowded = os.getloadavg()[0] > _CROWDED * len(os.sched_getaffinity(0))
+        state, running = self._host.graph.state(), self._host.running
+        demands = {name: process.demand() for name, (_, process) in running.items()}
+        is_busy = any(process.is_wanting() for _, process in running.values()) or any(
+            demand - self._demands.get(name, 0) > _AT_WORK * elapsed for name, demand in demands.items()
+        )
         known = {
             who
             for table in (state.publishers, state.subscribers, state.servers)
@@ -98,9 +96,9 @@ class Readiness:
             for who in all_
         }
         are_there = all(slot.ros_node in known for slot in begun if slot.ros_node)
-        if state != self._state or is_busy or is_crowded or not are_there:  # one may not even be discovered
+        if state != self._state or is_busy or not are_there:  # one may not even be discovered
             self._changed = now
-        self._state, self._worked = state, worked
+        self._state, self._demands = state, demands
         return now - self._changed > _SAME and bool(self.findings())
 
     def _holds(self, slot: ProcessSlot, one: ReadyWhen) -> bool:
@@ -150,7 +148,7 @@ class Readiness:
             f"its last lines: {' | '.join(said)}" if said else "it says nothing"
         )
         if absent:
-            lives = f"; its process lives and has worked for {process[1].worked()[0]:.1f} s" if process else ""
+            lives = f"; its process lives and has worked for {process[1].effort() * 1e-9:.1f} s" if process else ""
             why = f"the graph knows no {slot.graph_name}{lives}; {why}"
         rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
         remedy = "give it a longer 'timeout' if it starts slowly; see 'ready' and 'ros_node'"
