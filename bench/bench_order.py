@@ -272,6 +272,30 @@ def both(graph: Graph, repetitions: int) -> tuple[Seen, Seen]:
     return found[0], found[1]
 
 
+CHAIN = Graph(
+    {"go": (ENVIRONMENT, "Source", "/go"), "there": ("Source", "Middle", "/there"), "on": ("Middle", "Sink", "/on"),
+     "done": ("Sink", ENVIRONMENT, "/done")},
+    {"Source": "--hears /go --says /there", "Middle": "--hears /there --says /on", "Sink": "--hears /on --says /done"},
+    (("Source", "go", ("there",)), ("Middle", "there", ("on",)), ("Sink", "on", ("done",))),
+)  # fmt: skip
+"""Where nothing waits for its turn. Without the tester its middle node stands for it: a relay as plain as can be."""
+
+
+def chain(repetitions: int) -> tuple[list[int], list[int], list[int]]:
+    """Return how long a hop takes by the tester, without it, and by a plain node in between [ns]."""
+    under, _ = both(CHAIN, repetitions)
+    with tempfile.TemporaryDirectory() as folder:
+        free(CHAIN, repetitions, Path(folder))
+        at: dict[tuple[str, str], int] = {}
+        for name in CHAIN.nodes:
+            for line in (Path(folder) / f"{name.lower()}.log").read_text().splitlines():
+                time_, what, number, _ = line.split(" ", 3)
+                at[f"{name} {what}", number] = int(time_)
+    rounds = [str(k) for k in range(min(20, repetitions // 2), repetitions)]
+    direct, relayed = ([at[f"{name} in", k] - at["Source out", k] for k in rounds] for name in ("Middle", "Sink"))
+    return under.hops, direct, relayed
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--repetitions", type=int, default=1000, help="of the order of callbacks")
@@ -279,6 +303,11 @@ def main() -> None:
     parser.add_argument("--graph", choices=list(GRAPHS), action="append")
     asked = parser.parse_args()
     print(f"{asked.repetitions} repetitions; orders of callbacks, hop p50 and p99 [us], and what the tester adds")
+    p50, p99 = ([statistics.quantiles(one, n=100)[at] * 1e-3 for one in chain(asked.hops)] for at in (49, 98))
+    for what, half, most in zip(("by the tester", "without it", "by a plain node in rclpy"), p50, p99, strict=True):
+        print(
+            f"a hop of a chain {what:25} {half:6.0f} {most:6.0f}   added: {half - p50[1]:+6.0f} {most - p99[1]:+6.0f}"
+        )
     for name in asked.graph or list(GRAPHS):
         graph = GRAPHS[name]
         under, without = both(graph, asked.repetitions)

@@ -4,7 +4,7 @@ python bench/bench_stacks.py --cases 20 --resets 1000
 
 In an interpreter that has rclpy, and in a network of its own (.ci/ros2 shows how). Whole cases of the yard are driven
 one after the other, by nodes that are started once. After that, short ones: each is to give the same track bit
-for bit, whichever was before it. Processor time is that of the tester and of the nodes.
+for bit as by nodes that have just been started, whichever was before it. Processor time is that of tester and nodes.
 """
 
 from __future__ import annotations
@@ -54,10 +54,12 @@ def speed(name: str, period: float, cases: int) -> None:
 
 
 def resets(name: str, period: float, number: int) -> None:
-    """Print how many short cases differ from what they were."""
+    """Print how many short cases differ from what nodes made of them that had just been started."""
     driven = study(name, period, 0.5)
-    kinds = 10
-    first = [[part.tobytes() for part in driven.track(k)] for k in range(kinds)]
+    kinds, first = 10, []
+    for k in range(kinds):
+        end(str(EXAMPLES / f"{name}.yaml"))
+        first.append([part.tobytes() for part in driven.track(k)])
     began, differ = time.perf_counter(), 0
     for k in range(number):
         one = 7 * k * k % kinds

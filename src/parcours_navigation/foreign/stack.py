@@ -21,6 +21,7 @@ from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.binding import read_binding
 from parcours.run.binding.structure import Binding, BoundChannel
 from parcours.run.binding.worlds import body, odometry
+from parcours.run.hosts.scheduling import real_time
 from parcours.study.loading import SourceFile
 from parcours_navigation.foreign.stack_nodes import StackNodes, Values
 from parcours_navigation.protocol import Answer, Command, Observation, Task, Velocity
@@ -103,13 +104,16 @@ class StackPlanner:
             BadRequest: the binding does not fit them.
         """
         self._told = ()
-        with self._ended_if_lost():
-            running(self._path).begin()
+        with self._at_work() as nodes:
+            nodes.begin()
 
     @contextlib.contextmanager
-    def _ended_if_lost(self) -> Iterator[None]:
+    def _at_work(self) -> Iterator[StackNodes]:
+        """Give the nodes, which are started first if need be; they are ended if one is lost meanwhile."""
         try:
-            yield
+            nodes = running(self._path)
+            with real_time():  # a tester that gives way to who answers asks its next question late
+                yield nodes
         except HostFailure:
             end(self._path)
             raise
@@ -119,8 +123,8 @@ class StackPlanner:
 
         Raises HostFailure if a node has died, or does not come to rest.
         """
-        with self._ended_if_lost():
-            command = self._driven(running(self._path), observation)
+        with self._at_work() as nodes:
+            command = self._driven(nodes, observation)
         if command is None:
             return None
         ahead, aside, turn = command
