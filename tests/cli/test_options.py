@@ -75,8 +75,8 @@ def test_a_former_name_is_refused_with_todays() -> None:
                 assert isinstance(refused, BadRequest), (where, words)
                 assert refused.slug == "option-renamed" and f"write {now}" in str(refused)
     assert n_former > 100
-    for words in ("falsify x --seconds 9", "feasible x --seconds=9", "rare x --budget 9", "run navigation --rows 9"):
-        refused = CliRunner().invoke(parcours, words.split()).exception
-        assert isinstance(refused, BadRequest) and refused.slug == "option-renamed", words
+    for line in ("falsify x --seconds 9", "feasible x --seconds=9", "rare x --budget 9", "run navigation --rows 9"):
+        refused = CliRunner().invoke(parcours, line.split()).exception
+        assert isinstance(refused, BadRequest) and refused.slug == "option-renamed", line
     unknown = CliRunner().invoke(parcours, ["paths", "--nonsense", "model.yaml"])
     assert unknown.exit_code == 2 and "No such option" in unknown.output

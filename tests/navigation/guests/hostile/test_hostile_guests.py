@@ -20,7 +20,7 @@ from parcours.run import workers as workers
 from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests import planner_process as apart
+from parcours_navigation.guests import planner_process as planner_process
 from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.scenario import Scenario
@@ -176,7 +176,7 @@ def test_nothing_that_is_open_here_can_be_written_to(tmp_path: Path) -> None:
 def test_a_hostile_import_or_constructor_is_refused_with_its_cause(
     deed: str, tmp_path: Path, tame: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(apart, "LOADING", PATIENCE)
+    monkeypatch.setattr(planner_process, "LOADING", PATIENCE)
     monkeypatch.setattr(study_module, "LOADING", PATIENCE)
     source, due = CONSTRUCTORS[deed]
     init = "".join(f"{theirs} = {ours}\n    " for theirs, ours in (("__init__", "init"), ("needs", "needs"))
