@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from parcours.run.heartbeat import write_place
+from parcours.run.keeper import MOST_PROCESSES
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 
 
@@ -110,6 +111,38 @@ def test_what_a_task_tells_is_heard_and_is_a_sign_of_life(capfd: pytest.CaptureF
         crew.pending.append((0, (6,)))
         assert list(crew.answers()) == [(0, Done(6))]
     assert heard == list(range(6))
+
+
+def _forks_on_and_on(item: int) -> int:
+    for _ in range(MOST_PROCESSES + 20):
+        if os.fork() == 0:
+            time.sleep(60.0)
+            os._exit(0)
+    time.sleep(60.0)
+    return item
+
+
+def test_strangers_with_too_many_processes_are_ended() -> None:
+    with contextlib.closing(Crew(_forks_on_and_on, 1, forks=True, strangers=True)) as crew:
+        crew.pending.append((0, (1,)))
+        [(_, lost)] = crew.answers()
+    assert isinstance(lost, Lost) and lost.how == "tampered"
+    assert lost.place == f"changed its process: it had more than {MOST_PROCESSES} processes at once"
+
+
+def _prints_much(item: int) -> int:
+    for _ in range(2000):
+        sys.stdout.write("x" * 1_000_000)
+    return item
+
+
+def test_what_strangers_print_is_cut(capfd: pytest.CaptureFixture[str]) -> None:
+    with contextlib.closing(Crew(_prints_much, 1, forks=True, strangers=True)) as crew:
+        crew.pending.append((0, (1,)))
+        assert list(crew.answers()) == [(0, Done(1))]
+    printed = capfd.readouterr().err
+    assert 1 << 18 <= len(printed) < (1 << 18) + 100
+    assert printed.endswith("(whatever else this process prints is left out)\n")
 
 
 def _prints(item: int) -> int:

@@ -51,14 +51,15 @@ class LostCase:
 
     Attributes:
         number: of the case.
-        time: how far it had come [ns].
+        time: how far it had come [ns]; None where that is not known, or a matter of chance: what ends a process from
+            outside takes effect some time after it was sent.
         how: which of them.
         detail: in words, for its facts.
         place: where the process said that it was, in its words; "" if it said nothing.
     """
 
     number: int
-    time: int
+    time: int | None
     how: Literal["hung", "died", "tampered"]
     detail: str
     place: str = ""
@@ -121,7 +122,16 @@ def words(size: int) -> Words:
 def write_place(text: str) -> None:
     """Say in words what is started now; does nothing in a process that is no worker."""
     if _place is not None:
-        _place[:] = text.encode("utf-8", "replace")[: _TEXT - 1].ljust(_TEXT, b"\0")
+        _place[:] = _padded(text)
+
+
+def write_last_place(block: Any, text: str) -> None:
+    """Say in words how a worker ended, in the memory that it shared; for who has ended it."""
+    memoryview(block).cast("B")[-_TEXT:] = _padded(text)
+
+
+def _padded(text: str) -> bytes:
+    return text.encode("utf-8", "replace")[: _TEXT - 1].ljust(_TEXT, b"\0")
 
 
 def enter(number: float, limit: float) -> None:

@@ -4,7 +4,8 @@ parent ── keeper ── worker ── helpers that the code has started
              │         leads a session of its own; is killed when its keeper ends
              │ adopts the helpers that are orphaned; when the worker has ended, or the parent has, ends them all,
              │ and then ends as the worker did
-             └ passes on what they print, up to a limit; nothing else that the parent has open reaches the worker
+             │ passes on what they print, up to a limit; nothing else that the parent has open reaches the worker
+             └ ends all of them, too, where they become too many
 
 So the parent sees how the worker ended whatever its helpers hold open, and what the code does to its parent process it
 does to the keeper. On Linux only.
@@ -15,6 +16,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import importlib
+import io
 import os
 import select
 import signal
@@ -24,16 +26,42 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
+from parcours.run.canaries import CHANGED, TAMPERED
+
 resource: Any = importlib.import_module("resource") if os.name == "posix" else None
 
 MOST_PRINTED = 1 << 18
 """So much of what a worker and its helpers print is passed on [bytes]."""
 
+MOST_PROCESSES = max(64, 4 * (os.cpu_count() or 1))
+"""At most this many processes may descend from a worker at a time; those that nobody has waited for count, too."""
+
+_LOOK = 0.1
+"""How often they are counted [s]."""
+
+_HARMLESS = {"SIGCHLD", "SIGCONT", "SIGSTOP", "SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGURG", "SIGWINCH"}
+_FATAL = sum(1 << (one - 1) for one in signal.Signals if one.name not in _HARMLESS) if os.name == "posix" else 0
 _LEFT_OUT = b"\n(whatever else this process prints is left out)\n"
 _CHUNK = 1 << 16
 _ENDING = 5.0  # helpers that cannot be killed are left alone after this time [s]
 _PARENT_DEATH, _SUBREAPER = 1, 36  # PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
+
+
+class BoundedText(io.TextIOWrapper):
+    """Standard error as text, which drops what is beyond the limit before it costs anything."""
+
+    def __init__(self) -> None:
+        super().__init__(io.FileIO(2, "w", closefd=False), errors="backslashreplace", line_buffering=True)
+        self._left = MOST_PRINTED + 1  # so the keeper notices
+
+    def write(self, text: str) -> int:
+        """Write what there is room for; return how much was given."""
+        kept = text[: self._left]
+        self._left -= len(kept)
+        if kept:
+            super().write(kept)
+        return len(text)
 
 
 def can_keep() -> bool:
@@ -57,7 +85,9 @@ def _data_here() -> int:
     return 0
 
 
-def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[], None]) -> NoReturn:
+def keep(
+    lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[], None], say: Callable[[str], None]
+) -> NoReturn:
     """Do the work in a child of this process, and end with it, or when the other end of the lifeline is closed.
 
     Args:
@@ -65,6 +95,7 @@ def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[],
         others: descriptors that only the child needs.
         memory: so much the child may have beside what it shares with this process, and each of its helpers, too [B].
         work: what the child does; the child ends without cleaning up, since what it would run then is the strangers'.
+        say: says in words why the child was ended; this process then ends as one whose worker was tampered with.
     """
     assert _LIBC is not None
     os.setpgid(0, 0)
@@ -95,8 +126,11 @@ def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[],
             os._exit(status)
     for descriptor in (*others, theirs):
         os.close(descriptor)
-    status = _wait(child, lifeline, printed)
+    ended_as = _wait(child, lifeline, printed)
     _end_children()
+    if ended_as is None:
+        say(f"{CHANGED}it had more than {MOST_PROCESSES} processes at once")
+    status = TAMPERED if ended_as is None else ended_as
     if status < 0:
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         with contextlib.suppress(OSError, ValueError):
@@ -104,6 +138,20 @@ def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[],
         os.kill(keeper, -status)
         time.sleep(1.0)
     os._exit(status if status >= 0 else 128 - status)
+
+
+def end_with(keeper: int) -> None:
+    """Wait to be killed if the keeper is about to end: a signal takes effect some time after it was sent."""
+    pending, state = 0, ""
+    with contextlib.suppress(OSError):  # no descriptor is left, say
+        status = Path(f"/proc/{keeper}/status").read_text(encoding="ascii", errors="replace")
+        words = dict(line.split(":", 1) for line in status.splitlines())
+        pending = int(words["SigPnd"], 16) | int(words["ShdPnd"], 16)
+        state = words["State"].split()[0]
+    if os.getppid() == keeper and not pending & _FATAL and state not in ("Z", "X"):
+        return
+    time.sleep(_ENDING)
+    os._exit(1)
 
 
 def _replace_streams(printed: int) -> None:
@@ -130,31 +178,66 @@ def _take_away(needed: tuple[int, ...]) -> None:
     os.close(nothing)
 
 
-def _wait(child: int, lifeline: int, printed: int) -> int:
-    """Wait until the child ends, or end it when the lifeline does; return its exit status, negative for a signal."""
+def _wait(child: int, lifeline: int, printed: int) -> int | None:
+    """Wait until the child ends, or end it when the lifeline does, or when there are too many processes.
+
+    Returns its exit status, negative for a signal; None if there were too many.
+    """
     ended = os.pidfd_open(child)
     os.set_blocking(printed, False)
     poll = select.poll()
     for descriptor in (ended, lifeline, printed):
         poll.register(descriptor, select.POLLIN)
-    left = MOST_PRINTED
+    left, counted, many = MOST_PRINTED, time.monotonic(), False
     while True:
-        ready = {descriptor for descriptor, _ in poll.poll()}
+        ready = {descriptor for descriptor, _ in poll.poll(1000.0 * _LOOK)}
         if printed in ready:
             left = _pass_on(printed, left, 1)
             if left < 0:
                 poll.unregister(printed)
+        if not many and time.monotonic() - counted >= _LOOK:
+            _wait_for_orphans(child)
+            many, counted = _count_below(os.getpid(), MOST_PROCESSES + 1) > MOST_PROCESSES + 1, time.monotonic()
+            if many:
+                _kill(child)
         if lifeline in ready:
-            with contextlib.suppress(OSError):
-                os.killpg(child, signal.SIGKILL)
-            os.kill(child, signal.SIGKILL)
+            _kill(child)
             poll.unregister(lifeline)
         if ended in ready:
             if left >= 0:
                 _pass_on(printed, left, 16)
             with contextlib.suppress(OSError):
                 os.killpg(child, signal.SIGKILL)  # before its number can be anybody else's
-            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            return None if many else status
+
+
+def _kill(child: int) -> None:
+    """Kill a child, and those of its group."""
+    with contextlib.suppress(OSError):
+        os.killpg(child, signal.SIGKILL)
+    os.kill(child, signal.SIGKILL)
+
+
+def _wait_for_orphans(child: int) -> None:
+    """Let those that this process has adopted, and that have ended, go; the child itself stays to be waited for."""
+    with contextlib.suppress(ChildProcessError):
+        while found := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            if found.si_pid == child:
+                return
+            os.waitpid(found.si_pid, 0)
+
+
+def _count_below(process: int, most: int) -> int:
+    """Return how many processes descend from one; counts no farther than just beyond `most`."""
+    below, found = [process], 0
+    while below and found <= most:
+        with contextlib.suppress(OSError, ValueError):
+            for task in Path(f"/proc/{below.pop()}/task").iterdir():
+                children = [int(word) for word in (task / "children").read_text(encoding="ascii").split()]
+                found += len(children)
+                below += children
+    return found
 
 
 def _pass_on(printed: int, left: int, chunks: int) -> int:

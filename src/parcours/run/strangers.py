@@ -113,13 +113,14 @@ class _Work:
         numbers = self._numbers(piece)
         case = answer.case if answer.case is not None and answer.case.number in numbers else None
         if case is None and answer.entered and piece.count == 1:
-            case = LostCase(numbers[0], 0, answer.how, answer.place if answer.how == "tampered" else answer.ending,
+            case = LostCase(numbers[0], None, answer.how, answer.place if answer.how == "tampered" else answer.ending,
                             answer.place)  # fmt: skip
         if case is not None:
             at = piece.first + numbers.index(case.number)
             alone = answer.fresh and at == piece.first
             self._deaths[case.number] += alone
             from_outside = answer.how == "died" and not answer.silent and answer.status in _FROM_OUTSIDE
+            case = replace(case, time=None) if from_outside else case
             sure = alone and (not from_outside or self._deaths[case.number] >= _ATTEMPTS)
             parts = piece.parts(at=at)
             self._add([replace(one, lost=(case,)) if sure and one.first == at else one for one in parts])

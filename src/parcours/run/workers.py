@@ -25,14 +25,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Literal, TypeVar
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run import canaries as canaries
 from parcours.run.exception_text import described
-from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, new_block, share, write_place
-from parcours.run.keeper import can_keep, keep, memory_for_each
+from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, new_block, share, write_last_place, write_place
+from parcours.run.keeper import BoundedText, can_keep, end_with, keep, memory_for_each
 from parcours.run.messages import LineMessages, packed
 
 R = TypeVar("R")
@@ -335,11 +336,11 @@ def is_worker() -> bool:
 
 def _serve_kept(memory: int, line: Connection, *more: Any) -> None:
     """Serve with a keeper around it."""
-    *_, says, lifeline, held, _, _ = more
+    _, block, says, lifeline, held, _, _ = more
     for end in held:
         end.close()
     others = (line.fileno(), says.fileno())
-    keep(lifeline.fileno(), others, memory, lambda: _serve(line, *more))
+    keep(lifeline.fileno(), others, memory, lambda: _serve(line, *more), partial(write_last_place, block))
 
 
 def _serve(
@@ -358,19 +359,19 @@ def _serve(
         end.close()
     with contextlib.suppress(OSError, ValueError):
         os.dup2(sys.stderr.fileno(), 1)  # standard output is the parent's, who may write JSON there
-    sys.stdout = sys.stderr
+    sys.stdout = sys.stderr = BoundedText() if strangers else sys.stderr
     share(block, says.fileno())
     if strangers and os.name == "posix":
         canaries.place((line.fileno(), says.fileno()))
     try:
-        _answer_items(line, task, pid, strangers)
+        _answer_items(line, task, strangers)
     finally:
         if strangers:  # who may have changed what an error passes through
             canaries.require_unchanged()
 
 
-def _answer_items(line: Connection, task: Callable[..., object], pid: int, strangers: bool) -> None:
-    process_id = os.getpid
+def _answer_items(line: Connection, task: Callable[..., object], strangers: bool) -> None:
+    pid, process_id, keeper = os.getpid(), os.getpid, os.getppid() if strangers and can_keep() else 0
     with contextlib.suppress(EOFError, OSError):
         while True:
             item = line.recv()
@@ -380,6 +381,8 @@ def _answer_items(line: Connection, task: Callable[..., object], pid: int, stran
                 os._exit(0)  # a child that a component forked came back into our code: it answers for nobody
             if strangers:
                 canaries.require_unchanged()
+            if keeper:
+                end_with(keeper)
             try:
                 _say(answer)
             except (TypeError, AttributeError, pickle.PicklingError) as error:

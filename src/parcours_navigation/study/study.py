@@ -240,12 +240,13 @@ class NavigationStudy:
 
     def _lost_facts(self, case: LostCase) -> NDArray[np.void]:
         require_innocent(case)
+        time = case.time or 0
         if case.how == "hung":
-            return hung(case.number, case.time, self.scenario.call_timeout)
+            return hung(case.number, time, self.scenario.call_timeout)
         if case.how == "tampered":
-            return lost(case.number, PlannerFault.TAMPERED, case.detail, case.time)
-        reason = f"died: its process {case.detail} after the observation at {case.time * 1e-9:.2f} s"
-        return lost(case.number, PlannerFault.DIED, reason, case.time)
+            return lost(case.number, PlannerFault.TAMPERED, case.detail, time)
+        when = "" if case.time is None else f" after the observation at {time * 1e-9:.2f} s"
+        return lost(case.number, PlannerFault.DIED, f"died: its process {case.detail}{when}", time)
 
     def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
         """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 64 cases, about 16 if they can.
