@@ -56,10 +56,20 @@ def world_cases(settings: Settings, seed: int, study: str = "navigation") -> Cas
     """Return the cases of the world that settings name; without one, those of the paper's arena."""
     name = str(settings.get("world", ""))
     if not name:
+        _require_unset(settings, WORLDS[1:], "only a world that was named has data to combine", "name one, or leave it")
         return cases_of(settings, seed, study)
+    _require_unset(settings, CASES, "a world says how large its robot and how its others are and move",
+                   "write it in the world's file, or leave it")  # fmt: skip
     world = find_world(name)
     found = paper_cases(world, seed, study)
     return WorldCases(seed, world, study, str(settings.get("combine", "each_choice"))) if found is None else found
+
+
+def _require_unset(settings: Settings, parameters: Sequence[Parameter], rule: str, remedy: str) -> None:
+    """Raise BadRequest if one of these is set, where it would be without effect."""
+    for one in parameters:
+        if settings.get(one.name, one.default) != one.default:
+            raise BadRequest(one.option, rule, remedy, slug="setting-idle")
 
 
 def start_vectors(cases: Family) -> tuple[str, ...]:

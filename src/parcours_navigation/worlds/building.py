@@ -84,12 +84,14 @@ class Builder(NodeReader):
         text = node.text.strip()
         if text in ("inf", ".inf") and not whole:
             return float("inf")
+        share = text.endswith("%")
         try:
-            number = parse_expression(text, what)
+            number = parse_expression(f"({text[:-1]}) / 100" if share else text, what)
             found = evaluate(number, self.values, what)
         except ParcoursError as error:
             known = [name for name in self.values if name not in UNITS]
-            remedy = error.remedy or (one_of(text, known) if known else "numbers may name inputs under `data`")
+            named = one_of(text, known) if known else "numbers may name inputs under `data`"
+            remedy = error.remedy or (named if text.isidentifier() else "write a number, as 0.5, 22 cm, 90 deg or 5 %")
             self.add(node, error.slug, f"{what}: {error.rule}", remedy)
             return 0
         if isinstance(found, bool) or not isinstance(found, int | float):
@@ -98,7 +100,8 @@ class Builder(NodeReader):
         if not math.isfinite(found):
             self.add(node, "number", f"{what}: a finite number must stand here, but {brief(text)} is {found:g}")
             return 0
-        if fault := fault_of(number, unit_of(what, holder), self.units):
+        unit = unit_of(what, holder)
+        if fault := fault_of(number, unit, self.units) or (share and unit not in ("1", "") and f"it must be in {unit}"):
             self.add(node, "world-unit", f"{what}: {fault}: {brief(text)}", "give it in that unit, or without one")
         if whole and found != round(found):
             self.add(node, "number", f"{what}: a whole number must stand here, but {brief(text)} is {found:g}")

@@ -28,6 +28,7 @@ class CheckedWorld:
     wrong: tuple[str, ...]  # cases that cannot be made, and why
     bodies: tuple[int, int]  # fewest and most others
     walls: tuple[int, int]
+    discs: tuple[int, int]  # that stand
     gives: tuple[str, ...]  # of `protocol.SENSES`
     unsolvable: tuple[int, ...]
     solvable: int
@@ -42,8 +43,8 @@ class CheckedWorld:
         """Return it as JSON values."""
         return {
             "world": self.world.name, "cases": self.n, "passed": self.passed, "wrong": list(self.wrong),
-            "others": list(self.bodies), "walls": list(self.walls), "gives": list(self.gives),
-            "unsolvable": list(self.unsolvable), "solvable": self.solvable,
+            "others": list(self.bodies), "walls": list(self.walls), "discs": list(self.discs),
+            "gives": list(self.gives), "unsolvable": list(self.unsolvable), "solvable": self.solvable,
         }  # fmt: skip
 
 
@@ -54,8 +55,8 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
     """
     world = find_world(name)
     if paper_cases(world, seed, "navigation") is not None:
-        return CheckedWorld(world, n, (), (3, 3), (0, 0), (), (), 0, True)
-    cases, wrong, bodies, walls = WorldCases(seed, world), [], [], []
+        return CheckedWorld(world, n, (), (3, 3), (0, 0), (0, 0), (), (), 0, True)
+    cases, wrong, bodies, walls, discs = WorldCases(seed, world), [], [], [], []
     good: list[int] = []
     for number in range(n):
         try:
@@ -67,7 +68,9 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
         else:
             good.append(number)
             bodies.append(len(staged.scene.obstacles))
-            walls.append(len(cases.land(number).edges()))
+            land = cases.land(number)
+            walls.append(len(land.edges()))
+            discs.append(len(land.ground.discs))
         progress(number + 1, n)
     if not good:
         raise wrong[0]  # not of some cases, but of the file
@@ -81,6 +84,7 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
         tuple(map(str, wrong)),
         _span(bodies),
         _span(walls),
+        _span(discs),
         gives,
         never,
         int((found["answer"] == SOLVABLE).sum()),
@@ -97,9 +101,9 @@ def lines(found: CheckedWorld) -> Iterator[str]:
     if found.is_paper:
         yield "the paper's arena: its cases are those of parcours run navigation without a world"
         return
-    yield f"others: {_words(found.bodies)}; walls: {_words(found.walls)}; planners are shown the others" + "".join(
-        f", the {name}" for name in found.gives
-    )
+    ground = f"walls: {_words(found.walls)}" + f"; discs: {_words(found.discs)}" * (found.discs[1] > 0)
+    shown = "".join(f", the {name}" for name in found.gives)
+    yield f"others: {_words(found.bodies)}; {ground}; planners are shown the others{shown}"
     for one in found.wrong[:5]:
         yield f"error: {one}"
     if len(found.wrong) > 5:

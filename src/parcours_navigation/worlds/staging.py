@@ -99,7 +99,8 @@ GENERATORS: dict[str, Callable[..., Site]] = {
     "barn": barn, "barn-300": barn_world, "corridor": corridor, "cylinders": cylinders, "doorway": doorway,
     "office": office, "warehouse": warehouse,
 }  # fmt: skip
-"""What `kind` of `ground: {generated: ...}` may be; `barn-300` are the 300 worlds, one per case, and again."""
+"""What `kind` of `ground: {generated: ...}` may be; `barn-300` are the 300 worlds, one per case, and again,
+unless its `number` says which."""
 
 
 def _generated(given: dict[str, Any], seed: int, number: int, radius: float) -> Site:
@@ -107,7 +108,7 @@ def _generated(given: dict[str, Any], seed: int, number: int, radius: float) -> 
     kind = str(given.get("kind", ""))
     require_known(kind, tuple(GENERATORS), "ground, generated, kind", slug="ground-kind")
     arguments = {key: value for key, value in given.items() if key not in ("kind", "same")}
-    known = [one for one in signature(GENERATORS[kind]).parameters if one not in ("seed", "number")]
+    known = [one for one in signature(GENERATORS[kind]).parameters if one != "seed"]
     for name, value in arguments.items():
         require_known(name, known, f"ground, generated, {kind}", slug="ground-kind")
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -117,7 +118,10 @@ def _generated(given: dict[str, Any], seed: int, number: int, radius: float) -> 
     arguments = {"radius": radius, **arguments, **whole}
     if given.get("same"):
         number = 0
-    own = number % BARN_WORLDS if kind == "barn-300" else int(starts(seed, np.array([number]), _GROUND)[0])
+    if kind == "barn-300":
+        own = arguments.pop("number", number % BARN_WORLDS)
+    else:
+        own = int(starts(seed, np.array([number]), _GROUND)[0])
     try:
         return _site(kind, own, tuple(arguments.items()))
     except BadGround as error:
@@ -189,7 +193,7 @@ def stage(plan: WorldPlan, folder: Path, seed: int, number: int, period: float) 
     land, body, task = land_of(plan, folder, seed, number), plan.robot, plan.task
     x, y, heading = land.start
     corners = np.array(body.footprint, np.float64).reshape(-1, 2)
-    _require_free(land, corners, body.radius)
+    _require_free(land, plan, corners)
     _require_closed(plan, folder, land.start[:2])
     if abs(task.start_speed) > body.limits.speed:
         rule = f"it must be within the robot's top speed, {body.limits.speed:g} m/s, but is {task.start_speed:g}"
@@ -261,16 +265,19 @@ def _rasterised(found: Ground, resolution: float, area: tuple[float, ...]) -> Ma
     return found.rasterise(resolution, np.array(area))
 
 
-def _require_free(land: Land, corners: Floats, radius: float) -> None:
+def _require_free(land: Land, plan: WorldPlan, corners: Floats) -> None:
     """Raise BadRequest if the robot starts in contact with the ground, or a goal lies in it."""
     x, y, heading = land.start
     if len(corners):
         gap = footprint_least(land.packed, corners, x, y, heading, x, y, heading, np.inf)
     else:
-        gap = clearance(land.packed, x, y) - radius
+        gap = clearance(land.packed, x, y) - plan.robot.radius
     if gap <= 0.0:
         rule = f"the robot must start clear of the ground, but at ({x:g}, {y:g}) m its gap is {gap:.3f} m"
-        raise BadRequest("task, start", rule, "move the start, or make the robot smaller", slug="start-occupied")
+        remedy = "move the start, or make the robot smaller"
+        if plan.ground.generated and plan.task.start is not None:
+            remedy = "leave start and goal out: a generated ground brings its own"
+        raise BadRequest("task, start", rule, remedy, slug="start-occupied")
     for k, (gx, gy) in enumerate(land.goals):
         if clearance(land.packed, gx, gy) <= 0.0:
             rule = f"a goal must lie on free ground, but ({gx:g}, {gy:g}) m does not"

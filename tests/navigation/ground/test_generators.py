@@ -92,7 +92,7 @@ def test_worlds_like_barn_come_in_twelve_sets_and_get_denser() -> None:
     dense = np.mean([len(barn_world(number).ground.discs) for number in range(225, 300, 15)])
     assert dense > 1.5 * sparse
     assert digest(barn_world(7, seed=1)) != digest(barn_world(7))
-    with pytest.raises(BadGround, match=r"worlds have numbers from 0 to 299, but 300 was given \[ground-range\]"):
+    with pytest.raises(BadGround, match=r"worlds have whole numbers from 0 to 299, but 300 was given \[ground-range\]"):
         barn_world(300)
 
 

@@ -43,6 +43,8 @@ def _cases(folder: Path, text: str) -> WorldCases:
         ("ground: {generated: {kind: corridor, length: [3]}}\n" + TASK, 4, "it must be a number"),
         ("ground: {generated: {kind: corridor, length: wide}}\n" + TASK, 4, "it must be a number"),
         ("ground: {generated: {kind: barn, fill: -1}}\n" + TASK, 4, "it must be from 0 to 1"),
+        ("ground: {generated: {kind: barn}}\ntask: {start: [0, 0, 0], goal: [0, 5]}\n", 5, "start clear of the ground"),
+        ("ground: {generated: {kind: barn-300, number: 300}}\ntask: {}\n", 4, "whole numbers from 0 to 299"),
         (ROOM + "others:\n  - {motion: stop-move-stop, speed: fast}\n" + TASK, 6, "speed: it must be two numbers"),
         (ROOM + "others:\n  - {motion: stop-move-stop, area: [1, 2]}\n" + TASK, 6, "area: it must be x_low"),
         (ROOM + "others:\n  - {motion: stop-move-stop, colour: 3}\n" + TASK, 6, "key: must be a known name"),

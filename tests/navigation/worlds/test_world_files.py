@@ -27,7 +27,11 @@ def test_what_is_left_out_is_the_papers_robot_with_perfect_senses_on_open_ground
 
 
 def test_numbers_have_units_and_may_be_expressions() -> None:
-    plan = _world("robot: {speed: 50 cm/s, yaw_rate: 90 deg/s, acceleration: 2 * 0.5 m/s2, delay: 20 ms}\n")
+    plan = _world(
+        "robot: {speed: 50 cm/s, yaw_rate: 90 deg/s, acceleration: 2 * 0.5 m/s2, delay: 20 ms}\n"
+        "sensing: {others: {dropped: 5 %}}\n"
+    )
+    assert plan.sensing.others.dropped == 0.05
     assert (plan.robot.speed, plan.robot.acceleration, plan.robot.delay) == (0.5, 1.0, 0.02)
     assert plan.robot.yaw_rate == pytest.approx(np.pi / 2)
 
@@ -47,6 +51,8 @@ def test_numbers_may_name_inputs_and_each_case_has_its_own() -> None:
     [
         ("robot: {sped: 1}\n", 4, "no key 'sped'; did you mean 'speed'"),
         ("robot: {speed: fast}\n", 4, "'fast' has none"),
+        ("robot: {speed: 5 %}\n", 4, "it must be in m/s"),
+        ("robot: {speed: 5 +}\n", 4, "write a number, as 0.5"),
         ("robot: {speed: -1}\n", 4, "must lie in"),
         ("robot:\n  kind: car\n  wheelbase: 0\n", 4, "wheelbase"),
         ("robot: {kind: tank}\n", 4, "unicycle or differential or car or holonomic"),

@@ -144,8 +144,8 @@ def barn_world(number: int, *, seed: int = 0, radius: float = 0.25) -> Site:
     Raises:
         BadGround: the number or seed is out of its range, or no such world lets the disc through.
     """
-    if not 0 <= number < BARN_WORLDS:
-        raise BadGround("barn", f"worlds have numbers from 0 to 299, but {number} was given", slug="ground-range")
+    if number not in range(BARN_WORLDS):
+        raise BadGround("barn", f"worlds have whole numbers from 0 to 299, but {number} was given", slug="ground-range")
     require("barn", 0, 2**32 - 1, seed=seed)
     fill, smoothing = BARN_SETS[number * len(BARN_SETS) // BARN_WORLDS]
     return barn(seed * BARN_WORLDS + number, fill=fill, smoothing=smoothing, radius=radius)
