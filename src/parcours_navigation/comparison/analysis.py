@@ -128,6 +128,11 @@ class Analysis:
         """The planners' names, in the order given."""
         return tuple(one.name for one in self.standings)
 
+    @property
+    def has_order(self) -> bool:
+        """Whether obstacles set out in an order, as in the paper's arena, and not in a world of the user's own."""
+        return any(vector != "()" for vector in self.vectors)
+
 
 def analyse(results: ComparisonResults) -> Analysis:
     """Return what a comparison says. Raises BadRequest if the planners ran other cases."""

@@ -50,8 +50,8 @@ _REACHED, _TOUCHED = "goal reached in time, no collision", "collision caused by 
 _CLEAR, _GROUPS, _ROWS = 0.05, 30, 600  # a p-value; groups of cases, and rows, that are listed
 
 _READING = """\
-All planners ran **the same cases**: the same obstacles set out at the same times. So they are compared case by case, \
-and only cases in which two planners differ say anything about which is better.
+All planners ran **the same cases**: the same world, and the same bodies at the same places at first. So they are \
+compared case by case, and only cases in which two planners differ say anything about which is better.
 
 A small p-value says that a difference is not chance; the interval says how large it is. With many cases a difference \
 too small to matter has a small p-value too. Holm's correction is made over all tests of the table together."""
@@ -81,12 +81,16 @@ def compare_page(found: Analysis) -> Page:
         *((failed,) if failing.causes else ()),
         Section("What to take home", "", (_findings(found), Text(_READING), *caution), "findings"),
         Section("How the cases ended", "", ended, "outcomes"),
-        Section("The paper's results", "", _parted(tables.paper_table(found), found.names[0]), "paper"),
+        *(
+            (Section("The paper's results", "", _parted(tables.paper_table(found), found.names[0]), "paper"),)
+            if found.has_order
+            else ()
+        ),
         Section("Who beats whom", "", _rivalry(found), "tests"),
         *(Section("Requirements", "", pieces, "requirements") for pieces in [requirement_tables(made)] if pieces),
         Section("Times and clearances", "", _times(found), "times"),
         Section("The way driven", "", (tables.measure_table(found),), "measures"),
-        Section("Start vectors", "", (tables.vector_table(found),), "vectors"),
+        *((Section("Start vectors", "", (tables.vector_table(found),), "vectors"),) if found.has_order else ()),
     ]
     if scored := tables.benchmark_tables(found):
         sections.append(Section("Scores of published benchmarks", _BENCHMARK_LEAD, scored, "benchmarks"))

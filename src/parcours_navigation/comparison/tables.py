@@ -79,10 +79,9 @@ def question_table(found: Analysis) -> Table:
         of_solvable = [one.reached_of_solvable for one in found.standings]
         words = f"of the {found.solvable} cases that are solvable: goal reached"
         rows.append((words, *(interval(rate) for rate in of_solvable if rate is not None)))
-    note = (
-        "Wilson 95 % intervals. Obstacles do not avoid the robot, so some contacts that an obstacle closes nobody "
-        "can prevent."
-    )
+    note = "Wilson 95 % intervals."
+    if found.has_order:
+        note += " Obstacles do not avoid the robot, so some contacts that an obstacle closes nobody can prevent."
     return _table("Questions: yes in how many cases", (Column("question"), *_names(found)), rows, note)
 
 
@@ -93,9 +92,10 @@ def time_table(found: Analysis) -> Table:
     ]
     groups = ("own cases", f"the {found.n_shared} cases that all reach")
     heads = [Column(q, ".2f", group=group, unit="s") for group in groups for q in ("q25", "median", "q75")]
+    still = ", in which obstacles stand for 1 s" * found.has_order
     note = (
-        "From the beginning of the case, in which obstacles stand for 1 s. Only times over cases that all reach "
-        "compare planners: a planner's own cases may be the easy ones."
+        f"From the beginning of the case{still}. Only times over cases that all reach compare planners: a planner's "
+        "own cases may be the easy ones."
     )
     return _table("Time to the goal", (Column("planner", code=True), *heads), rows, note)
 

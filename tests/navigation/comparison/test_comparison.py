@@ -100,6 +100,16 @@ def test_errors_are_shown_with_their_commonest_reasons_and_never_left_out(compar
     assert "75.0 % [59.8, 85.8]" in to_text(outcome_table(analyse(compared))).replace("\xa0", " ")
 
 
+def test_what_is_of_the_papers_arena_alone_is_not_said_of_other_worlds(compared: ComparisonResults) -> None:
+    papers = {"The paper's results", "Start vectors"}
+    elsewhere = dataclasses.replace(compared, vectors=("()",) * compared.n_cases)
+    assert papers <= {one.title for one in compare_page(analyse(compared)).sections}
+    page = compare_page(analyse(elsewhere))
+    assert not papers & {one.title for one in page.sections}
+    notes = [piece.note for one in page.sections for piece in one.pieces if isinstance(piece, Table)]
+    assert not [note for note in notes if "stand for 1 s" in note or "do not avoid" in note]
+
+
 def test_an_error_without_a_kept_reason_is_still_counted() -> None:
     bare = dataclasses.replace(results(one="eeg").contenders[0], reasons=("hung",))
     assert bare.errors() == [("hung", 1), ("no reason was kept", 1)]
