@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from parcours_navigation.checking.remark import Remark, error, warning
-from parcours_navigation.checking.scenes import LIMITS, moved, script, standard_task
+from parcours_navigation.checking.scenes import moved, script
 from parcours_navigation.checking.subject import Subject, replayed
 from parcours_navigation.guests.planners import batch_of
 
@@ -19,7 +19,7 @@ def answers_batches_as_alone(subject: Subject) -> Iterator[Remark]:
     batch = batch_of(subject.name or "that is checked", subject.make())
     if batch is None:
         return
-    way = script(standard_task())
+    way = script(subject.task())
     ways = [[moved(seen, 0.4 * k, (0.1 * k, 0.0), (1.0, 1.0)) for seen in way] for k in range(min(_CASES, batch.size))]
     tasks = [one[0].task for one in ways]
     alone = [np.array(replayed(subject, task, way)) for task, way in zip(tasks, ways, strict=True)]
@@ -29,7 +29,9 @@ def answers_batches_as_alone(subject: Subject) -> Iterator[Remark]:
         robots, obstacles = (np.array([getattr(seen[row], name) for row in left]) for name in ("robot", "obstacles"))
         expected = np.array([alone[row][k] for row in left])
         found = batch.ask(seen[0].time, robots, obstacles, left.copy(), given)
-        worst = max(worst, float(np.abs((found - expected) / [LIMITS.speed, LIMITS.yaw_rate]).max()))
+        worst = max(
+            worst, float(np.abs((found - expected) / [subject.body.limits.speed, subject.body.limits.yaw_rate]).max())
+        )
         same = same and found.tobytes() == expected.tobytes()
     if worst > 1e-3:
         seen_far = f"some answers to a batch and to its cases alone differ by {100 * worst:.2g} % of the limits"

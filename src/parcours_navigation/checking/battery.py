@@ -17,6 +17,8 @@ from parcours_navigation.checking import batches, conduct, form, geometry, memor
 from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning
 from parcours_navigation.checking.subject import Subject, load_subject
 from parcours_navigation.guests.answers import BadAnswer
+from parcours_navigation.robots.kinds import Body
+from parcours_navigation.worlds.file import find_world
 
 Check = Callable[[Subject], Iterator[Remark]]
 
@@ -125,6 +127,7 @@ def check_apart(
     planner: str,
     names: Sequence[str] | None = None,
     *,
+    world: str = "",
     patience: float = 120.0,
     grace: float = _GRACE,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
@@ -132,8 +135,10 @@ def check_apart(
     """Return what `run_battery` finds of a planner in a process of its own, also where it ends or blocks that process.
 
     The process is ended when a check takes `grace` [s] longer than its patience, and ends itself after a check in which
-    the planner has changed it. Raises BadRequest if the planner's name leads nowhere, or a check is unknown.
+    the planner has changed it. It is shown the kind and the limits of the robot of a world, if one is named. Raises
+    BadRequest if the planner's name leads nowhere, or a check is unknown; BadWorld if the world is bad.
     """
+    body = find_world(world).plan().robot if world else Body()
     wanted = list(CHECKS) if names is None else list(names)
     done = -1  # while it is loaded
 
@@ -144,7 +149,7 @@ def check_apart(
 
     crew = Crew(_check, 1, forks=True, patience=patience + grace, strangers=True, heard=heard)
     with contextlib.closing(crew):
-        crew.pending.append((0, (planner, names, patience)))
+        crew.pending.append((0, (planner, names, patience, body)))
         [(_, answer)] = crew.answers()
     if isinstance(answer, Done):
         return answer.result
@@ -164,12 +169,12 @@ def check_apart(
     return BatteryReport(planner, (whole,), tuple(wanted[:made]), tuple(wanted[made:]))
 
 
-def _check(planner: str, names: Sequence[str] | None, patience: float) -> BatteryReport:
+def _check(planner: str, names: Sequence[str] | None, patience: float, body: Body) -> BatteryReport:
     def said(*what: object) -> None:
         canaries.require_unchanged()
         tell(what)
 
-    subject = load_subject(planner)
+    subject = load_subject(planner, body)
     canaries.accept()
     return run_battery(subject, names, patience=patience, progress=said)
 

@@ -11,7 +11,7 @@ import numpy as np
 from parcours.run.exception_text import is_ctrl_c
 from parcours_navigation.checking.form import malformed, where_raised
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
-from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task
+from parcours_navigation.checking.scenes import PERIOD, crowd, observation
 from parcours_navigation.checking.subject import AskedPlanner, Subject, drive
 from parcours_navigation.guests.answers import BadAnswer
 from parcours_navigation.protocol import Floats, Observation, Task
@@ -47,7 +47,7 @@ def odd_scenes(task: Task) -> dict[str, list[Observation]]:
 
 def survives_odd_scenes(subject: Subject) -> Iterator[Remark]:
     """No scene makes it raise or answer what is not finite."""
-    task = standard_task()
+    task = subject.task()
     raised: dict[str, list[str]] = {}
     ill: dict[bool, tuple[BadAnswer, list[str]]] = {}
     for name, steps in odd_scenes(task).items():
@@ -73,7 +73,7 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Remark]:
 
 def decides_in_time(subject: Subject) -> Iterator[Remark]:
     """A decision takes less than the period, also with many obstacles; wall time of this machine."""
-    task = standard_task()
+    task = subject.task()
     times = {count: decision_times(subject.slot(task), task, count) for count in COUNTS}
     usual = times[3]
     median, p99, largest = (float(x) * 1e3 for x in (np.median(usual), np.quantile(usual, 0.99), usual.max()))
@@ -109,7 +109,7 @@ def decision_times(slot: AskedPlanner, task: Task, count: int, n: int = 40, pati
 
 def reaches_a_free_goal(subject: Subject) -> Iterator[Remark]:
     """In an empty world it moves, reaches the goal, and stops there."""
-    task = standard_task()
+    task = subject.task()
     drove = drive(subject, task, (0.0, 0.0, math.pi / 4.0), seconds=30.0, beyond_goal=3.0)
     way = math.hypot(*task.goal)
     if drove.travelled < 0.05:
@@ -136,7 +136,7 @@ def reaches_a_free_goal(subject: Subject) -> Iterator[Remark]:
 
 def passes_a_standing_obstacle(subject: Subject) -> Iterator[Remark]:
     """It does not run into an obstacle that stands straight ahead, and gets past it."""
-    task = standard_task()
+    task = subject.task()
     scenes = {"straight ahead": (1.0, 1.0), "a little to the left": (0.97, 1.05), "a little to the right": (1.05, 0.97)}
     held = []
     for where, place in scenes.items():

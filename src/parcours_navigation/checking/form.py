@@ -11,10 +11,11 @@ from parcours.errors import BadRequest
 from parcours.run.exception_text import is_ctrl_c, place, said
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
-from parcours_navigation.checking.scenes import copied, script, standard_task
+from parcours_navigation.checking.scenes import copied, script
 from parcours_navigation.checking.subject import Speeds, Subject, load_subject, replayed
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.planners import asked_alone, batch_of
+from parcours_navigation.robots.kinds import Body
 
 _PATIENCE = 60.0
 """How long a process of its own may take to answer a script [s]."""
@@ -67,7 +68,7 @@ def _takes_one(function: object, what: str, argument: str) -> Iterator[Remark]:
 
 def answers_in_form(subject: Subject) -> Iterator[Remark]:
     """It answers pairs of finite numbers, trajectories or None, and not always None."""
-    task = standard_task()
+    task = subject.task()
     slot = subject.slot(task)
     silent = []
     for seen in script(task):
@@ -100,9 +101,9 @@ def same_in_own_process(subject: Subject) -> Iterator[Remark]:
     if not subject.name:
         yield note("not-found-elsewhere", "it has no name that another process could find it by, so that was not tried")
         return
-    task = standard_task()
+    task = subject.task()
     with contextlib.closing(Crew(_answer_script, 1, patience=_PATIENCE, strangers=True)) as crew:
-        crew.pending.append((0, (subject.name,)))
+        crew.pending.append((0, (subject.name, subject.body)))
         [(_, answer)] = crew.answers()
     if isinstance(answer, Lost):
         if answer.how == "tampered":
@@ -132,19 +133,20 @@ def same_in_own_process(subject: Subject) -> Iterator[Remark]:
         yield error("process-differs", seen, remedy)
 
 
-def _answer_script(name: str) -> list[Speeds] | str:
+def _answer_script(name: str, body: Body) -> list[Speeds] | str:
     """Return the speeds that answer the script in a process of its own, or what was raised."""
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            task = standard_task()
-            return replayed(load_subject(name), task, script(task))
+            subject = load_subject(name, body)
+            task = subject.task()
+            return replayed(subject, task, script(task))
     except BaseException as raised:  # also SystemExit, which would end the process without a word
         return where_raised(raised)
 
 
 def is_quiet(subject: Subject) -> Iterator[Remark]:
     """It prints nothing."""
-    task = standard_task()
+    task = subject.task()
     out = io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         replayed(subject, task, [copied(seen) for seen in script(task)])

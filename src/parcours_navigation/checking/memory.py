@@ -8,14 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from parcours_navigation.checking.remark import Remark, error, warning
-from parcours_navigation.checking.scenes import LIMITS, copied, observation, script, standard_task
+from parcours_navigation.checking.scenes import copied, observation, script
 from parcours_navigation.checking.subject import Speeds, Subject, replayed
 from parcours_navigation.protocol import Observation
 
 
 def repeats_itself(subject: Subject) -> Iterator[Remark]:
     """Two new planners answer the same case alike."""
-    task = standard_task()
+    task = subject.task()
     one, two = (replayed(subject, task, script(task)) for _ in range(2))
     if one != two:
         remedy = "draw random numbers from a generator made of task.seed in reset, never from clocks or global dice"
@@ -24,7 +24,7 @@ def repeats_itself(subject: Subject) -> Iterator[Remark]:
 
 def forgets_the_last_case(subject: Subject) -> Iterator[Remark]:
     """After a reset it answers as new, whatever it did before."""
-    task, other = standard_task(), standard_task((0.2, 1.7), seed=8)
+    task, other = subject.task(), subject.task((0.2, 1.7), seed=8)
     fresh = replayed(subject, task, script(task))
     if fresh != replayed(subject, task, script(task)):
         return  # not the reset's fault: repeats_itself reports it
@@ -39,7 +39,7 @@ def forgets_the_last_case(subject: Subject) -> Iterator[Remark]:
 
 def rolls_its_own_dice(subject: Subject) -> Iterator[Remark]:
     """It leaves the global random generators of Python and NumPy alone."""
-    task = standard_task()
+    task = subject.task()
     before = _dice()
     replayed(subject, task, script(task))
     touched = [name for name, state in _dice().items() if state != before[name]]
@@ -56,7 +56,7 @@ def _dice() -> dict[str, str]:
 
 def leaves_observations_alone(subject: Subject) -> Iterator[Remark]:
     """It does not write into the arrays it is shown."""
-    task = standard_task()
+    task = subject.task()
     slot = subject.slot(task)
     for seen in script(task):
         shown = copied(seen)
@@ -70,7 +70,7 @@ def leaves_observations_alone(subject: Subject) -> Iterator[Remark]:
 
 def keeps_no_observation(subject: Subject) -> Iterator[Remark]:
     """What it remembers of an observation is a copy: the arrays are filled again each time."""
-    task = standard_task()
+    task = subject.task()
     fresh = replayed(subject, task, script(task))
     if fresh != replayed(subject, task, script(task)):
         return
@@ -90,11 +90,11 @@ def keeps_no_observation(subject: Subject) -> Iterator[Remark]:
 
 def takes_obstacles_in_any_order(subject: Subject) -> Iterator[Remark]:
     """The order of the obstacles changes nothing."""
-    task = standard_task()
+    task = subject.task()
     steps = script(task)
     forward = replayed(subject, task, steps)
     turned = [Observation(one.time, one.robot.copy(), one.obstacles[::-1].copy(), one.task) for one in steps]
-    scale = np.array([LIMITS.speed, LIMITS.yaw_rate])
+    scale = np.array([subject.body.limits.speed, subject.body.limits.yaw_rate])
     far = (np.abs(np.array(forward) - np.array(replayed(subject, task, turned))) / scale).max(axis=1)
     if far.max() > 0.05:
         seen = (

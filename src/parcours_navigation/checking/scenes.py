@@ -10,22 +10,27 @@ import numpy as np
 
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import HEADING, RADIUS, YAW_RATE, Map, Observation, Scan, Task, X, Y
+from parcours_navigation.robots.kinds import Body
 from parcours_navigation.sensing.scan import Beams, scan
 
 _SCENARIO = Scenario()
 
-LIMITS = _SCENARIO.limits
-"""What the robot can do in campaigns, by default."""
-
 PERIOD = _SCENARIO.period
 """Time between two observations there [s]."""
+
+_BODY = Body()
 
 Row = tuple[float, ...]
 
 
-def standard_task(goal: tuple[float, float] = (2.0, 2.0), *, seed: int = 7, period: float = PERIOD) -> Task:
-    """Return the paper's task: a disc of 0.125 m to a goal it must come within 0.2 m of, in an arena of 2 m."""
-    return Task(goal, 0.2, 0.125, LIMITS, period, 2.0, seed)
+def standard_task(
+    goal: tuple[float, float] = (2.0, 2.0), *, seed: int = 7, period: float = PERIOD, body: Body = _BODY
+) -> Task:
+    """Return the paper's task: a disc of 0.125 m to a goal it must come within 0.2 m of, in an arena of 2 m.
+
+    Of another body it has the kind and the limits, but not the size.
+    """
+    return Task(goal, 0.2, 0.125, body.limits, period, 2.0, seed, dataclasses.replace(body.robot, footprint=None))
 
 
 def observation(task: Task, robot: Sequence[float], obstacles: Sequence[Row] = (), time: float = 0.0) -> Observation:

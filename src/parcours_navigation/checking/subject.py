@@ -15,7 +15,7 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
-from parcours_navigation.checking.scenes import observation, sensed
+from parcours_navigation.checking.scenes import PERIOD, observation, sensed, standard_task
 from parcours_navigation.guests.answers import read_answer
 from parcours_navigation.guests.planners import (
     SHIPPED,
@@ -28,7 +28,10 @@ from parcours_navigation.guests.planners import (
     source_of,
 )
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
+from parcours_navigation.robots.kinds import Body
 from parcours_navigation.stage import tracking
+
+_BODY = Body()
 
 Speeds = tuple[float, float]
 """Forward speed [m/s] and yaw rate [rad/s]."""
@@ -41,6 +44,11 @@ class Subject:
     name: str  # under which another process finds it, "module:attribute" or a registry name; "" if none can
     # returns a new planner: an object with `reset` and `observe`, or a function of an observation
     make: Callable[[], object]
+    body: Body = _BODY  # of the robot that it is shown
+
+    def task(self, goal: tuple[float, float] = (2.0, 2.0), *, seed: int = 7, period: float = PERIOD) -> Task:
+        """Return the standard task of the checks, for its robot."""
+        return standard_task(goal, seed=seed, period=period, body=self.body)
 
     def slot(self, task: Task) -> AskedPlanner:
         """Return a new planner, reset to the task."""
@@ -104,9 +112,10 @@ _ITS_OWN_FAULT = ("planner-raised", "planner-form")
 """Complaints of the loader that the battery reports as findings."""
 
 
-def load_subject(name: str) -> Subject:
-    """Return the subject of a check. Its module or file is read once, the planner made again each time.
+def load_subject(name: str, body: Body = _BODY) -> Subject:
+    """Return the subject of a check, to be shown a robot with this body.
 
+    Its module or file is read once, the planner made again each time.
     `name` is a shipped planner's, "package.module:Name", "path/to/file.py:Name", or the file of a stack's binding.
     Raises BadRequest if it leads nowhere.
 
@@ -118,16 +127,16 @@ def load_subject(name: str) -> Subject:
         load_planner(name, source)
     except BadRequest as complaint:
         if complaint.slug in _ITS_OWN_FAULT:
-            return Subject(name, lambda complaint=complaint: _raise(complaint))  # type: ignore[misc]
+            return Subject(name, lambda complaint=complaint: _raise(complaint), body)  # type: ignore[misc]
         raise
     if is_stack(name):
-        return Subject(name, partial(importlib.import_module(STACKS).StackPlanner, name))
+        return Subject(name, partial(importlib.import_module(STACKS).StackPlanner, name), body)
     where, _, dotted = SHIPPED.get(name, name).rpartition(":")
     kept = sys.modules.get(module_name(source)) if source is not None else None
     found: object = kept if kept is not None else importlib.import_module(where)
     for part in dotted.split("."):
         found = getattr(found, part)
-    return Subject(name, found if isinstance(found, type) else lambda: found)
+    return Subject(name, found if isinstance(found, type) else lambda: found, body)
 
 
 def _raise(complaint: BadRequest) -> NoReturn:

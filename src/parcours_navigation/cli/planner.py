@@ -20,11 +20,14 @@ def command() -> None:
 @command.command("check")
 @click.argument("planner")
 @click.option("--only", "only", multiple=True, metavar="CHECK", help="Make only this check; may be repeated.")
+@click.option(
+    "--world", default="", help="Show it the kind and the limits of this world's robot: a shipped name or a file."
+)
 @click.option("--list", "listed", is_flag=True, help="List the checks, and make none.")
 @click.option("--timeout", "patience", type=click.FloatRange(0.1, 86400.0), default=120.0, show_default=True,
               help="Longest time for one check [s].")  # fmt: skip
 @as_json
-def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as_json: bool) -> None:
+def check(planner: str, only: tuple[str, ...], world: str, listed: bool, patience: float, as_json: bool) -> None:
     """Put PLANNER into small situations, and say what is wrong and what to do. Exit code 1 if there is an error.
 
     PLANNER is a shipped name, package.module:Name, or path/to/file.py:Name.
@@ -47,7 +50,7 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
     say_if_cold()
     with progress() as show:
         report = check_apart(
-            planner, only or None, patience=patience, progress=lambda _, n, all: show("checks", n, all)
+            planner, only or None, world=world, patience=patience, progress=lambda _, n, all: show("checks", n, all)
         )
     if as_json:
         findings = [asdict(finding) for finding in report.findings]

@@ -173,7 +173,9 @@ class Navigation:
             return noted
         from parcours_navigation.checking.battery import check_apart
 
-        report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
+        report = check_apart(
+            self.planner, None, world=given["world"], progress=lambda name, done, total: progress("checks", done, total)
+        )  # fmt: skip
         found = [StudyFinding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
         return [*noted, *found]
 

@@ -59,6 +59,17 @@ def test_a_planner_that_lives_on_its_scan_alone_passes_the_checks_of_memory() ->
     assert not run_battery(Subject("", Sees), made).findings
 
 
+def test_a_planner_for_a_car_is_shown_the_robot_of_the_world_that_is_named(write: Callable[[str], str]) -> None:
+    source = "def f(o):\n    assert o.task.robot.kind == 'car' and o.task.limits.speed == 1.5\n"
+    name = write(f"{source}    return 0.1 / o.task.robot.wheelbase, 0.0\n")
+    world = Path(name.partition(":")[0]).with_name("car.yaml")
+    robot = "robot: {kind: car, speed: 1.5, wheelbase: 0.3, steering: 0.5, steering_rate: 2}\n"
+    world.write_text(f"parcours: world/1\nname: car\ntask: {{start: [0, 0, 0], goal: [3, 0]}}\n{robot}")
+    checks = ["answers_in_form", "same_in_own_process", "commands_in_units"]
+    assert not [one for one in check_apart(name, checks, world=str(world)).findings if one.level is Level.ERROR]
+    assert check_apart(name, checks).findings[0].level is Level.ERROR
+
+
 def test_an_error_at_a_gate_ends_the_battery_and_says_what_was_left() -> None:
     report = run_battery(Subject("", AnswersText))
     assert report.made == ("is_a_planner", "same_in_own_process", "answers_in_form")
