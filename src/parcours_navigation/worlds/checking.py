@@ -10,7 +10,7 @@ import numpy as np
 from parcours.errors import ParcoursError
 from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
 from parcours_navigation.worlds.family import WorldCases
-from parcours_navigation.worlds.file import World, find_world
+from parcours_navigation.worlds.file import BadWorld, World, find_world
 from parcours_navigation.worlds.paper import paper_cases
 from parcours_navigation.worlds.solving import solve_worlds
 
@@ -110,7 +110,10 @@ def lines(found: CheckedWorld) -> Iterator[str]:
         yield f"... and {len(found.wrong) - 5} more"
     if found.unsolvable:
         some, n = ", ".join(map(str, found.unsolvable[:10])), len(found.unsolvable)
-        yield f"error: no robot of this size and speed gets to the goal in time in {n} cases: {some}"
+        where = f"{found.world.origin}:{found.world.line_of('task, goal')}: task, goal"
+        rule = f"a robot of this size and speed must be able to get there in time, but none can in {n} cases: {some}"
+        remedy = "widen the way, move the goal or the start, or raise time_limit"
+        yield f"error: {BadWorld(where, rule, remedy, slug='goal-unreachable')}"
     sure = f"; {found.solvable} of them can certainly be solved" if found.solvable else ""
     yield f"{found.n - len(found.wrong)} of {found.n} cases can be made{sure}"
 

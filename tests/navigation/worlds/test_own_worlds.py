@@ -18,7 +18,7 @@ from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.requirements.user_measures import BadMeasure
 from parcours_navigation.study.study import NavigationStudy
 from parcours_navigation.worlds import staging
-from parcours_navigation.worlds.checking import check_world
+from parcours_navigation.worlds.checking import check_world, lines
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, parse_world, read_world
 from parcours_navigation.worlds.solving import _inner_radius
@@ -111,6 +111,8 @@ def test_what_nobody_can_solve_is_inconclusive_unless_the_robot_touches_somethin
         assert outcomes(facts).tolist() == [outcome]
         again, *_ = study.track(0)
         assert again["goal_gap"][0] == facts["goal_gap"][0], "a replay gives the same facts"
+    said = list(lines(check_world(str(tmp_path / "own.yaml"), 2, 1, lambda done, total: None)))[2]
+    assert re.match(rf"error: {tmp_path}/own.yaml:\d+: task, goal: .* none can in 2 cases: 0, 1; widen the way", said)
     assert "no robot of this size" in explain(NavigationStudy("stand-still", cases, Scenario(time_limit=60.0))(0, 1)[0])
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from parcours.errors import BadRequest
 from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.facts import NEVER
@@ -215,6 +217,53 @@ def test_what_no_robot_can_solve_is_said_to_be_so() -> None:
         for ground, time in ((walled, "60"), (gap, "60"), (gap, "5"), ("", "60"))
     ]
     assert answers == [UNSOLVABLE, SOLVABLE, UNSOLVABLE, SOLVABLE]
+
+
+def test_every_number_of_a_world_may_be_an_input_drawn_in_pairs_and_triples() -> None:
+    ground = (
+        "bounds: [-1, -1, 10, 6], walls: [[4, 0, 4, 3]], polygons: [[[6, 4], [7, 4], [7, 5]]], discs: [[7, 2, 0.3]]"
+    )
+    drift = "way_scale: 0.01, turn_scale: 0.01, way_noise: 0.01, turn_noise: 0.01, turn_noise_way: 0.01"
+    robot = f"kind: differential, radius: 0.2, speed: 0.8, track_width: 0.35, wheel_speed: 1.1, odometry: {{{drift}}}"
+    people = "motion: social-force, number: 2, radius: 0.25, speed: 1.2, yields: 0.8, start: [0, 1.5], drawn_goals: 3"
+    carts = "motion: stop-move-stop, number: 1, radius: 0.1, waits: [1, 2], speed: [0.1, 0.5], announced: 0.5"
+    seen = (
+        "reach: 5, field_of_view: 3, position_noise: 0.02, velocity_noise: 0.02, dropped: 0.05, late: 0.05, false: 0.5"
+    )
+    laser = "beams: 90, reach: 8, field_of_view: 3, first_beam: 0.1, noise: 0.01, dropped: 0.01"
+    task = "start: [1, 1, 0.5], goal: [9, 1], tolerance: 0.3, time_limit: 20, heading: 0.5, heading_tolerance: 0.3"
+    text = (
+        f"ground: {{{ground}}}\nrobot: {{{robot}, wheel_acceleration: 2, delay: 0.02}}\n"
+        f"others:\n  - {{{people}}}\n  - {{{carts}}}\n"
+        f"sensing: {{others: {{{seen}}}, scan: {{{laser}}}, map: 0.1}}\ntask: {{{task}}}\n"
+    )
+    inputs: list[str] = []
+
+    def named(found: re.Match[str]) -> str:
+        value = float(found[2])
+        whole = found[1] in ("number: ", "drawn_goals: ", "beams: ")
+        step = 1.0 if whole else 0.01 * abs(value) + 0.001
+        kind = ", kind: integer" if whole else ""
+        edges = [value, value + step, value + 2.0 * step]
+        inputs.append(f'    q{len(inputs)}: {{unit: "1"{kind}, edges: {edges}}}\n')
+        return f"{found[1]}q{len(inputs) - 1}"
+
+    text = re.sub(r"((?:\w+: )?)(?<![\w.])(-?[0-9]+(?:\.[0-9]+)?)(?![\w.])", named, text)
+    world = parse_world(f"{HEAD}{text}data:\n  parameters:\n{''.join(inputs)}", "all.yaml", HERE)
+    assert len(inputs) > 60
+    for combine in ("each_choice", "pairwise", "3-wise"):
+        cases = WorldCases(1, world, criterion=combine)
+        starts = {float(one.scene.robot["x"][0]) for one in cases.staged(range(4), 0.05)}
+        assert len(starts) == 4, combine
+
+
+def test_what_a_world_decides_cannot_be_set_beside_it() -> None:
+    for setting in ({"robot_radius": 0.3}, {"obstacle_radius": 0.2}, {"protocol": "published"}):
+        option = next(iter(setting)).replace("_", "-")
+        with pytest.raises(BadRequest, match=f"--{option}: a world says how large"):
+            world_cases({"world": "doorway", **setting}, 1)
+    with pytest.raises(BadRequest, match="--combine: only a world"):
+        world_cases({"combine": "pairwise"}, 1)
 
 
 def test_a_planner_that_needs_what_the_world_does_not_give_is_refused_by_name() -> None:
