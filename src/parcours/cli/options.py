@@ -42,6 +42,21 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON inste
 seed = click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Campaign seed.")
 
 
+class _Place(_Type):
+    """A folder of results, or the URL of a bucket that holds some."""
+
+    name = "path"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
+        """Return the path, or what stands for one."""
+        from parcours.run.places import place
+
+        return place(str(value))
+
+
+PLACE = _Place()
+
+
 class StudyFile(_Type):
     """A file of a kind that studies have: its path, or a study that has one."""
 
@@ -81,7 +96,7 @@ fail_if = click.option(
     help='Exit 1 if it holds, such as "failed > 1%"; may be repeated. Verdicts of cases then do not decide.',
 )  # fmt: skip
 baseline = click.option(
-    "--baseline", type=PATH, metavar="FOLDER",
+    "--baseline", type=PLACE, metavar="FOLDER",
     help="Exit 1 if a rate got significantly worse than in that run. Verdicts of cases then do not decide.",
 )  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from parcours.cli.options import PATH, as_json, baseline, count, fail_if, seed
+from parcours.cli.options import PATH, PLACE, as_json, baseline, count, fail_if, seed
 
 if TYPE_CHECKING:
     from parcours.study import Study
@@ -39,7 +39,12 @@ _COMMON = (
     click.option("--engine", type=click.Choice(["dask"]), help="Run campaigns on a cluster; --out is a shared folder."),
     click.option("--address", metavar="ADDRESS", help="Of its scheduler: tcp://host:8786."),
     seed,
-    click.option("--out", type=PATH, required=True, help="Folder for the results; resumed if it holds some."),
+    click.option(
+        "--out",
+        type=PLACE,
+        required=True,
+        help="Folder or bucket (s3://...) for the results; resumed if it holds some.",
+    ),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),
     click.option("--junit", type=PATH, help="Write the verdicts as JUnit XML."),
     fail_if,

@@ -9,12 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from parcours.errors import BadRequest
+from parcours.run.places import is_bucket, put
 
 _TAG = f"{socket.gethostname()}-{{pid}}.partial"
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` beside `path`, force it to the disk and rename it into place.
+    """Write `content` beside `path`, force it to the disk and rename it into place; an object of a bucket as it is.
 
     Args:
         path: the file to create or replace; its folder exists.
@@ -29,6 +30,12 @@ def write_atomically(path: Path, content: bytes) -> None:
     ...     [(file.name, file.read_bytes()) for file in Path(folder).iterdir()]
     [('a', b'whole')]
     """
+    if is_bucket(path):
+        try:
+            put(path, content)
+        except Exception as error:  # whatever the library of that bucket raises
+            raise unwritable(path, error) from error
+        return
     with replacing(path) as partial:
         partial.write_bytes(content)
 
@@ -62,25 +69,28 @@ def require_writable(folder: Path) -> None:
         BadRequest: it cannot be made or written to.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        if not is_bucket(folder):  # where there are no folders
+            folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unwritable(folder, error) from error
     write_atomically(folder / ".writable", b"")
     (folder / ".writable").unlink(missing_ok=True)
 
 
-def unwritable(path: Path, error: OSError) -> BadRequest:
+def unwritable(path: Path, error: Exception) -> BadRequest:
     """Return the complaint that `path` cannot be written.
 
     >>> print(unwritable(Path("out"), PermissionError(13, "Permission denied")))
     out: must be writable, but: Permission denied; name another folder or free this one [folder-unwritable]
     """
-    rule = f"must be writable, but: {error.strerror or error}"
+    rule = f"must be writable, but: {getattr(error, 'strerror', None) or error}"
     return BadRequest(str(path), rule, "name another folder or free this one", slug="folder-unwritable")
 
 
 def sweep(folder: Path) -> None:
     """Remove what writers of this machine left half-written in `folder` when they were killed."""
+    if is_bucket(folder):
+        return
     for partial in folder.glob(f".*.{_TAG.format(pid='*')}"):
         pid = partial.name.removesuffix(".partial").rpartition("-")[2]
         if pid.isdecimal() and not _alive(int(pid)):

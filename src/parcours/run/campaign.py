@@ -22,6 +22,7 @@ from parcours.run.exception_text import described
 from parcours.run.folder_backup import Keeping
 from parcours.run.heartbeat import RunsStrangers
 from parcours.run.limiting import limited
+from parcours.run.places import is_bucket
 from parcours.run.stops import STOP, Stop, read_stop
 from parcours.run.store import Campaign, Rows, Store, create
 from parcours.run.strangers import Simulate, computed, lost_before, resolve
@@ -96,7 +97,8 @@ def run_campaign(
         simulate: the study's function, or its name "module:function". With several workers it is pickled and
             runs in processes of its own; with one worker it runs here.
         campaign: what to compute.
-        folder: where the results go; resumed if this very campaign was started there.
+        folder: where the results go; resumed if this very campaign was started there. A bucket's, see
+            `parcours.run.places.place`, is not locked; of memory:// each process has its own, so with one worker only.
         workers: number of processes, at least 1.
         progress: called in this process.
         enough: called in this process; ends the campaign after the first shard in whose order it says why, for
@@ -182,7 +184,7 @@ def _run(
 def _may_stop(store: Store, rules: tuple[str, ...]) -> Stop:
     """Note that these rules, and no others, may end the campaign; return from which shard on."""
     noted = read_stop(store.folder, store.campaign)
-    there = max((shard + 1 for shard in store.campaign.shards if store.has(shard)), default=0)
+    there = max((one for one in store.finished() if one in store.campaign.shards), default=-1) + 1
     stop = Stop(rules, noted.first if noted is not None and noted.rules == rules else there)
     if rules:
         stop.write(store.folder, store.campaign)
@@ -263,7 +265,7 @@ def _done(
                 raise failure_of(name(shard), described(error)) from error
             yield shard
         return
-    forks = isinstance(runs, Prepares) and runs.prepare()
+    forks = isinstance(runs, Prepares) and runs.prepare() and not is_bucket(task.store.folder)  # nor are its clients
     yield from run_tasks(task, missing, min(workers, len(missing)), name, forks=forks)
 
 

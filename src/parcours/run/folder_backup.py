@@ -12,6 +12,7 @@ import numpy as np
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.atomic import write_atomically
+from parcours.run.places import is_bucket
 from parcours.run.store import Rows, Store
 
 _copies: weakref.WeakSet[IO[bytes]] = weakref.WeakSet()
@@ -40,7 +41,8 @@ class Keeping:
         ]
         self._whole = {path.name: path.read_bytes() for path in whole}  # the manifest, and what was run
         # Without a buffer: a worker that is forked and closes it would write what is in there once more.
-        self._copy: IO[bytes] = tempfile.TemporaryFile(dir=store.folder, buffering=0)  # noqa: SIM115 -- closed by put_back; has no name there
+        where = None if is_bucket(store.folder) else store.folder
+        self._copy: IO[bytes] = tempfile.TemporaryFile(dir=where, buffering=0)  # noqa: SIM115 -- closed by put_back; has no name there
         self._rows: dict[int, int] = {}
         _copies.add(self._copy)
 
@@ -79,6 +81,8 @@ class Keeping:
 
     def _make_folder(self) -> None:
         folder = self._store.folder
+        if is_bucket(folder):  # where there are no folders
+            return
         if folder.exists() and not folder.is_dir():
             folder.unlink()
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Keeps results in a folder: each shard a Parquet file, written once, whole or not at all, with SHA-256.
+"""Keeps results in a folder or bucket: each shard a Parquet file, written once, whole or not at all, with SHA-256.
 
 A shard holds the results of consecutive cases, without padding and little-endian: the same rows on any machine
 (`parcours.run.columns`). `campaign.json` says what the shards are results of. A shard is finished when its sum stands.
@@ -6,10 +6,8 @@ A shard holds the results of consecutive cases, without padding and little-endia
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import itertools
-import os
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,6 +26,7 @@ from parcours.run.columns import pack, unpack
 from parcours.run.manifest import MANIFEST as MANIFEST
 from parcours.run.manifest import Campaign as Campaign
 from parcours.run.manifest import differences, read_manifest, write_manifest
+from parcours.run.places import is_bucket, names_in
 from parcours.run.stops import read_stop
 
 _PART = 8192  # cases that are read together at least: small enough for a cache, large enough for NumPy
@@ -84,9 +83,7 @@ class Store:
 
     def finished(self) -> set[int]:
         """Return the shards that are finished, also those beyond a case at which a rule has ended the campaign."""
-        with contextlib.suppress(FileNotFoundError), os.scandir(self.folder) as files:
-            return {int(found[1]) for one in files if (found := _SUM.fullmatch(one.name))}
-        return set()
+        return {int(found[1]) for one in names_in(self.folder) if (found := _SUM.fullmatch(one))}
 
     def in_order(self) -> list[int]:
         """Return the shards that are finished, of `shards`."""
@@ -207,7 +204,7 @@ def create(folder: Path, campaign: Campaign) -> Store:
     """Return the store of this campaign in `folder`: started there now, or earlier and to be resumed.
 
     Args:
-        folder: is made if it does not exist; may hold nothing else.
+        folder: is made if it does not exist; may hold nothing else. Or a bucket's, see `parcours.run.places.place`.
         campaign: must be the one started there, if one was.
 
     Raises:
@@ -215,14 +212,15 @@ def create(folder: Path, campaign: Campaign) -> Store:
         BadResults: it holds another campaign, or results without a manifest.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        begun = (folder / MANIFEST).exists()
-        orphan = next(folder.glob("shard-*"), None)
+        if not is_bucket(folder):  # where there are no folders
+            folder.mkdir(parents=True, exist_ok=True)
+        there = names_in(folder)
+        begun, orphan = MANIFEST in there, next((one for one in there if one.startswith("shard-")), None)
     except OSError as error:
         raise unwritable(folder, error) from error
     if not begun:
         if orphan is not None:
-            rule = f"results need their {MANIFEST}, but there is only {orphan.name}"
+            rule = f"results need their {MANIFEST}, but there is only {orphan}"
             raise BadResults(str(folder), rule, "name an empty folder", slug="results-manifest")
         write_manifest(folder, campaign)
         return Store(folder, campaign)

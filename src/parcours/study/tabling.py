@@ -20,6 +20,7 @@ from parcours.data import InputModel
 from parcours.errors import BadRequest, one_of
 from parcours.model.expression import Binary, Expression, Name, Unary, names, parse_expression
 from parcours.model.expression.evaluation import compiled
+from parcours.run.places import place
 from parcours.study.protocol import Results
 from parcours.verdict.statistics import Rate, wilson
 
@@ -198,7 +199,7 @@ def read_parts(folder: Path | str, study: str = "") -> Iterator[ResultTable]:
     """
     from parcours.study.finding import study_of
 
-    results = study_of(Path(folder), study).read(Path(folder))
+    results = study_of(place(folder), study).read(place(folder))
     yield from map(table_of, results.in_parts() if isinstance(results, Divided) else [results])
 
 
@@ -233,7 +234,7 @@ def read_table(folder: Path | str, study: str = "") -> ResultTable:
     """
     from parcours.study.finding import study_of
 
-    return table_of(study_of(Path(folder), study).read(Path(folder)))
+    return table_of(study_of(place(folder), study).read(place(folder)))
 
 
 def input_columns(

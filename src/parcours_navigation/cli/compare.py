@@ -51,10 +51,13 @@ def command(
 
     Example: parcours compare out/lift-before out/lift-now
     """
-    if all(Path(one).is_dir() for one in planners):
+    from parcours.run.places import place
+
+    folders = [place(one) for one in planners]
+    if all(one.is_dir() for one in folders):
         from parcours.cli.compare import compare_folders
 
-        compare_folders([Path(one) for one in planners], as_json)
+        compare_folders(folders, as_json)
         return
     from parcours.cli.progress import progress, say_if_cold
     from parcours.errors import BadRequest
