@@ -160,3 +160,13 @@ def test_the_commit_is_that_of_what_is_tested_and_says_if_it_was_changed(tmp_pat
     clean = provenance(tmp_path / "study.yaml")["commit"]
     (tmp_path / "study.yaml").write_text("b")
     assert provenance(tmp_path)["commit"] == f"{clean}-dirty"
+
+
+def test_a_component_study_that_passed_says_what_it_covered(tmp_path: Path) -> None:
+    study = find(str(PARKING.with_name("lift")))
+    study.run(Request(settings_of(study.parameters, {}, "lift"), 1, tmp_path, 2), lambda *_: None)
+    summary = report_page([(study, {str(tmp_path): study.read(tmp_path)})]).summary
+    assert summary is not None and summary.facts[1:] == (
+        "6 of 9 transitions of the model were taken by a case that passed.",
+        "2 of 2 blocks of test data reached a component.",
+    )

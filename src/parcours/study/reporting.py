@@ -75,6 +75,7 @@ def summarised(found: Sequence[FolderSummary]) -> Summary:
         facts.append(f"Of cases like these fewer than {percent(rate.high)} fail, with 95 % confidence.")
     elif len(facts) < _FACTS:
         facts.append(f"Of cases like these {percent(rate.low)} to {percent(rate.high)} fail, with 95 % confidence.")
+    facts += [said for one in found for said in one.highlights]
     return Summary(tested, verdict, tone, tuple(facts[:_FACTS]), _advice(found))
 
 

@@ -34,6 +34,14 @@ _ORDER = {Verdict.FAIL: 0, Verdict.ERROR: 1, Verdict.INCONCLUSIVE: 2}
 
 
 @runtime_checkable
+class Highlighted(Protocol):
+    """Results that say what matters about them beside verdicts."""
+
+    def highlights(self) -> Sequence[str]:
+        """Return sentences, the most important first."""
+
+
+@runtime_checkable
 class Caused(Protocol):
     """Results that know why their cases did not pass without making a sentence for each of them."""
 
@@ -96,6 +104,7 @@ class FolderSummary:
     run: str  # the command that ran it; empty if that is not known
     made: Mapping[str, str]  # date, commit, machine, versions, as far as they were kept
     reproduced: str  # how many failing cases gave the same again; empty if nobody has tried
+    highlights: tuple[str, ...] = ()  # what else is worth to know first, in sentences
 
     @property
     def n(self) -> int:
@@ -119,6 +128,7 @@ def sum_up(study: Study, folder: str, results: Results) -> FolderSummary:
         folder, study.name, study.doc, results.label, results.planned, Counter(verdicts), causes,
         tuple((name.replace("_", " "), one.unit) for name, one in figures.items()), seed, command, made,
         str(found) if found is not None else "",
+        tuple(results.highlights()) if isinstance(results, Highlighted) else (),
     )  # fmt: skip
 
 

@@ -48,6 +48,7 @@ def _planner(one: Standing) -> dict[str, object]:
     bracket, taken = one.stuck_of_solvable, one.decisions
     return {
         "answers": one.of.answers,
+        "run_again": dict(zip(("equal", "n"), one.of.repeated, strict=True)),
         "outcomes": {outcome.name.lower(): rate for outcome, rate in one.outcomes.items()},
         "questions": one.questions,
         "paper_rule": one.rules,

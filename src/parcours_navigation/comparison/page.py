@@ -32,6 +32,7 @@ from parcours.verdict.judgement import Verdict
 from parcours_navigation.comparison import tables
 from parcours_navigation.comparison.analysis import Analysis
 from parcours_navigation.comparison.requiring import requirement_tables
+from parcours_navigation.comparison.results import repeats_of
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain
 from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
 
@@ -71,6 +72,7 @@ def compare_page(found: Analysis) -> Page:
         ("seed", str(made.seed)),
         ("protocol", made.protocol),
         ("command delay", f"{made.command_delay:g} s"),
+        ("run again", repeats_of(made.contenders)),
     )
     caution = (Text(f"**Unequal machines.** {found.caution}"),) if found.caution else ()
     ended = (_stacked(found), tables.outcome_table(found), tables.question_table(found))
@@ -113,6 +115,12 @@ def _summary(found: Analysis, failing: Failures) -> Summary:
         worst = max(range(len(failing.causes)), key=lambda k: failing.causes[k].count)
         cause = failing.causes[worst]
         facts.append(f"Most often unsolved: [{cause.words}](#cause_{worst + 1}), {cause.count:,d} cases.")
+    for one in found.results.contenders:
+        if one.repeated[0] < one.repeated[1]:
+            n = one.repeated[1] - one.repeated[0]
+            facts.insert(
+                1, f"*{one.name}* is not reproducible: {n} of {one.repeated[1]} cases ended otherwise when run again."
+            )
     verdict = (
         f"{best.name} solved most: {best.questions[_REACHED].count:,d}." if len(found.names) > 1
         else f"It solved {best.questions[_REACHED].count:,d}."

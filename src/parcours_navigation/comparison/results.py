@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,6 +51,7 @@ class Contender:
     required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
     own: Mapping[str, Floats] = field(default_factory=dict)  # the user's own measures of each case, NaN where none
     folder: str = ""  # of its campaign
+    repeated: tuple[int, int] = (0, 0)  # first cases that gave the same facts when they were run again, and all such
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
@@ -62,6 +63,17 @@ class Contender:
         n = int(erred(self.facts).sum())
         said = [*self.reasons, *["no reason was kept"] * (n - len(self.reasons))]
         return Counter(re.sub(r"\b\d+(\.\d+)? s\b", "... s", reason) for reason in said).most_common()
+
+
+def repeats_of(contenders: Sequence[Contender]) -> str:
+    """Return in words how many first cases gave the same facts, to the byte, when they were run again.
+
+    >>> facts = np.zeros(2)
+    >>> repeats_of([Contender("orca", facts, repeated=(2, 2)), Contender("dice", facts, repeated=(0, 2))])
+    'orca 2 of 2, dice 0 of 2 first cases, equal to the byte'
+    """
+    known = ", ".join(f"{one.name} {one.repeated[0]} of {one.repeated[1]}" for one in contenders if one.repeated[1])
+    return f"{known} first cases, equal to the byte" if known else "not tried"
 
 
 def struck(facts: Facts) -> Flags:

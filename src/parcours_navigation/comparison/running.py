@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -78,13 +79,14 @@ def run_comparison(
         plans[name] = study.campaign(n_cases), folder / folder_name(name)
         create(plans[name][1], plans[name][0])
     facts = {name: _run(study, *plans[name], workers, name, progress) for name, study in entries.items()}
-    published = {}
+    published, repeated = {}, {}
     if sample := min(measured, n_cases):
         for name, study in entries.items():
             again = Reproducing(study, frozenset(np.flatnonzero(facts[name]["error"]).tolist()))
             campaign, place = again.campaign(plans[name][0], sample), folder / f"{folder_name(name)}.as-published"
             rows = _run(again, campaign, place, workers, f"{name}, as published", progress)
             published[name] = _fields(rows, PUBLISHED)
+            repeated[name] = _repeated(facts[name], rows)
     contenders = []
     for name, study in entries.items():
         decisions, untimed, kept = None, "", facts[name]
@@ -98,6 +100,7 @@ def run_comparison(
                 name, _fields(kept, FACTS), study.answers or at_once, _reasons(kept), decisions,
                 kept["measures"].copy(), published.get(name), untimed, robustness(kept, requirements).copy(),
                 violations_of(kept, requirements), own_values(kept, requirements), _shown(plans[name][1]),
+                repeated.get(name, (0, 0)),
             )
         )  # fmt: skip
     vectors, numbers = tuple(str(cases.vector(number)) for number in range(n_cases)), np.arange(n_cases)
@@ -156,14 +159,26 @@ def _run(
     return ran.store.load()
 
 
+def digest_of(facts: np.void) -> int:
+    """Return a number of 64 bits that stands for the judge's facts of a case."""
+    content = _fields(np.array([facts]), FACTS).tobytes()
+    return int.from_bytes(hashlib.sha256(content).digest()[:8], "little")
+
+
+def _repeated(kept: NDArray[np.void], again: NDArray[np.void]) -> tuple[int, int]:
+    """Return how many cases gave the same facts when they were run again, and how many were."""
+    ran = np.flatnonzero(again["facts"])
+    return sum(int(again["facts"][k]) == digest_of(kept[k]) for k in ran), len(ran)
+
+
 def _reasons(facts: NDArray[np.void]) -> tuple[str, ...]:
     if "reason" not in (facts.dtype.names or ()):
         return ()
     return tuple(bytes(reason).decode("utf-8", "replace") for reason in facts["reason"][facts["error"] != 0])
 
 
-REPRODUCED = np.dtype([("number", "i8"), *PUBLISHED.descr])
-"""What published code computes of one case; all NaN where the planner's own error ended it."""
+REPRODUCED = np.dtype([("number", "i8"), ("facts", "u8"), *PUBLISHED.descr])
+"""What published code computes of one case, NaN where the planner's own error ended it; a digest of the new facts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,16 +216,17 @@ class Reproducing:
         rows = np.zeros(count, REPRODUCED)
         skipped = self.failed | {case.number for case in self.lost}
         for row, number in zip(rows, range(first, first + count), strict=True):
-            found = None if number in skipped else self._measured(number)
+            facts, found = (None, None) if number in skipped else self._measured(number)
             row["number"] = number
+            row["facts"] = 0 if facts is None else digest_of(facts)
             for name in PUBLISHED.names or ():
                 row[name] = np.nan if found is None else found[name]
         return rows
 
-    def _measured(self, number: int) -> np.void | None:
+    def _measured(self, number: int) -> tuple[np.void, np.void | None]:
         facts, track, places = self.study.track(number)
         if facts[0]["error"]:
-            return None
+            return facts[0], None
         cases, until = self.study.cases, int(facts[0]["t_end"])
         if isinstance(cases, SystemCases):
             radii, radius, goal = np.full(places.shape[1], cases.obstacle_radius), cases.robot_radius, GOAL
@@ -219,7 +235,8 @@ class Reproducing:
             [one] = self.study.staged(np.array([number]))
             radii, radius = one.scene.obstacles["radius"], one.task.robot_radius
             goal = (one.task, *one.goals)[-1].goal
-        return measures_as_published(track, places, radii, robot_radius=radius, goal=goal, until=until)
+        found = measures_as_published(track, places, radii, robot_radius=radius, goal=goal, until=until)
+        return facts[0], found
 
     def campaign(self, campaign: Campaign, n_cases: int) -> Campaign:
         """Return the campaign that runs the first cases of a campaign again."""

@@ -13,6 +13,8 @@ from parcours.report.terminal import to_text
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.decision_times import decision_times
+from parcours_navigation.comparison.document import comparison_document
+from parcours_navigation.comparison.page import compare_page
 from parcours_navigation.comparison.running import Reproducing, run_comparison
 from parcours_navigation.comparison.tables import decision_table
 from parcours_navigation.guests.planner_facts import PlannerFault
@@ -124,4 +126,17 @@ def test_cases_that_failed_are_not_run_again_for_published_code() -> None:
     study = NavigationStudy(planner, CASES, Scenario(time_limit=1.0))
     rows = Reproducing(study, frozenset({0}))(0, 1)
     assert not asked and rows["number"].tolist() == [0]
-    assert all(np.isnan(rows[name]).all() for name in rows.dtype.names or () if name != "number")
+    assert rows["facts"].tolist() == [0]
+    assert all(np.isnan(rows[name]).all() for name in rows.dtype.names or () if name not in ("number", "facts"))
+
+
+def test_a_planner_that_draws_by_itself_is_not_reproducible(tmp_path: Path) -> None:
+    (tmp_path / "dice.py").write_text(
+        "import random\n\n\ndef dice(observation):\n    return random.SystemRandom().uniform(0.0, 0.1), 0.0\n"
+    )
+    found = run_comparison([f"{tmp_path}/dice.py:dice", "stand-still"], tmp_path / "out", n_cases=3, timed=0)
+    assert [one.repeated for one in found.contenders] == [(0, 3), (3, 3)]
+    page = compare_page(analyse(found))
+    assert "dice.py:dice 0 of 3, stand-still 3 of 3 first cases" in dict(page.facts)["run again"]
+    assert page.summary is not None and "is not reproducible: 3 of 3 cases" in page.summary.facts[1]
+    assert comparison_document(analyse(found))["planners"]["stand-still"]["run_again"] == {"equal": 3, "n": 3}  # type: ignore[index]

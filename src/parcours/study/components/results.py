@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Figure, Page, Piece, Section, Table
+from parcours.report.pieces import Column, Figure, Marked, Page, Piece, Section, Table
 from parcours.report.sequences import sequence_chart
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
@@ -283,6 +283,18 @@ class StudyResults:
     def machines(self, where: str) -> Sequence[Piece]:
         """Return the machines, painted by what cases took of them; nothing if the model is not known."""
         return self._painted(where) if self._painted is not None else ()
+
+    def highlights(self) -> Sequence[str]:
+        """Return how much of the model and of the test data was covered, in sentences."""
+        found = []
+        states = [str(row[3].value) for one in self.machines("")[-1:] if isinstance(one, Table) for row in one.rows
+                  if isinstance(row[3], Marked)]  # fmt: skip
+        if states:
+            covered = states.count("covered")
+            found.append(f"{covered} of {len(states)} transitions of the model were taken by a case that passed.")
+        if (one := self._landed) is not None:
+            found.append(f"{one.blocks - len(one.unreached)} of {one.blocks} blocks of test data reached a component.")
+        return found
 
     def landing(self, title: str) -> Table | None:
         """Return how many blocks of test data reached a component, and which did not; None if that is not known."""
