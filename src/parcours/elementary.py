@@ -81,15 +81,22 @@ def sin_cos(x: float) -> tuple[float, float]:
 
 
 @kernel
-def _atan_share(y: float, x: float) -> float:
-    """Return atan y/x for 0 <= y <= x."""
-    if y > 0.6875 * x:
-        base, x = 0.7853981633974483, (y - x) / (y + x)
-    elif y > 0.4375 * x:
-        base, x = 0.4636476090008061, (2.0 * y - x) / (2.0 * x + y)
-    else:
-        base, x = 0.0, y / x
-    z = x * x
+def atan2(y: float, x: float) -> float:
+    """Return the angle of the vector (x, y) in (-pi, pi]; 0 for the null vector.
+
+    >>> atan2(1.0, -1.0) == 3 * PI / 4
+    True
+    """
+    # No branch, only choices between numbers: a loop over it is compiled to several angles at once.
+    ax, ay = abs(x), abs(y)
+    shallow = ay <= ax
+    low, high = (ay if shallow else ax), (ax if shallow else ay)
+    wide, middle = low > 0.6875 * high, low > 0.4375 * high
+    over = low - high if wide else (2.0 * low - high if middle else low)
+    under = low + high if wide else (2.0 * high + low if middle else high)
+    base = 0.7853981633974483 if wide else (0.4636476090008061 if middle else 0.0)
+    q = over / (under if under != 0.0 else 1.0)
+    z = q * q
     w = z * z
     odd = z * (
         3.33333333333329318027e-01
@@ -111,22 +118,9 @@ def _atan_share(y: float, x: float) -> float:
             + w * (-7.69187620504482999495e-02 + w * (-5.83357013379057348645e-02 + w * -3.65315727442169155270e-02))
         )
     )
-    return base + (x - x * (odd + even))
-
-
-@kernel
-def atan2(y: float, x: float) -> float:
-    """Return the angle of the vector (x, y) in (-pi, pi]; 0 for the null vector.
-
-    >>> atan2(1.0, -1.0) == 3 * PI / 4
-    True
-    """
-    ax, ay = abs(x), abs(y)
-    if ax == 0.0 and ay == 0.0:
-        return 0.0
-    angle = _atan_share(ay, ax) if ay <= ax else 1.5707963267948966 - _atan_share(ax, ay)
-    if x < 0.0:
-        angle = PI - angle
+    angle = base + (q - q * (odd + even))
+    angle = angle if shallow else 1.5707963267948966 - angle
+    angle = PI - angle if x < 0.0 else angle
     return -angle if y < 0.0 else angle
 
 
