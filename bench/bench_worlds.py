@@ -1,7 +1,7 @@
 """Worlds: what a case costs as they grow, and whether an independent world, pymunk's, sees the same contacts.
 
 python bench/bench_worlds.py                    growth over obstacles, walls and people
-python bench/bench_worlds.py --tracks 10000     and this many tracks against pymunk (pip install pymunk)
+python bench/bench_worlds.py --tracks 10000     and this many tracks against pymunk
 
 Times are processor time of a case of 20 s with a planner that drives straight ahead, beside one in which nothing else
 is. pymunk is asked every 2.5 ms of a track between whose entries, 50 ms apart, places are interpolated: a graze is a
