@@ -34,7 +34,7 @@ def kind(option: click.Option) -> str:
     """Return what an option takes; a choice, a formula and a name are texts."""
     if option.is_flag:
         return "flag"
-    if isinstance(option.type, click.Path) or option.type.name == "file":
+    if isinstance(option.type, click.Path) or option.type.name in ("file", "path"):
         return "path"
     name = {"float": "number", "float range": "number", "integer range": "integer"}.get(option.type.name)
     return name or (option.type.name if option.type.name in ("number", "integer", "true|false") else "text")

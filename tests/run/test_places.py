@@ -117,3 +117,17 @@ def test_the_commands_run_and_read_a_campaign_in_a_bucket_as_in_a_folder(bucket:
     assert compared.exit_code == 0 and "40 cases that both have" in compared.stdout
     fresh = CliRunner().invoke(cli, ["run", "examples/parking", "--cases", "30", "--fresh", "--out", str(bucket)])
     assert fresh.exit_code in (0, 1) and open_results(bucket).campaign.n_cases == 30
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "examples/lift", "--out", "memory://lift"],
+        ["run", "ramp_system", "--host", "processes", "--out", "memory://live"],
+        ["mutate", "examples/lift", "--out", "memory://mutants"],
+    ],
+)
+def test_what_keeps_to_folders_refuses_a_url_before_anything_is_written(words: list[str]) -> None:
+    refused = CliRunner().invoke(cli, words).exception
+    assert isinstance(refused, BadRequest) and refused.slug == "place-local"
+    assert names_in(place(words[-1])) == []

@@ -21,7 +21,20 @@ else:
     _Type = click.ParamType  # not generic in older releases
 
 F = TypeVar("F", bound=Callable[..., Any])
-PATH = click.Path(path_type=Path)
+
+
+class _LocalPath(click.Path):
+    """A file or a folder of this machine."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path. Raises BadRequest: it is a URL."""
+        from parcours.run.places import require_folder
+
+        require_folder(value)
+        return super().convert(value, param, ctx)
+
+
+PATH = _LocalPath(path_type=Path)
 
 
 def count(

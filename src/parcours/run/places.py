@@ -51,6 +51,21 @@ def is_bucket(folder: object) -> bool:
     return not isinstance(folder, Path)
 
 
+def require_folder(given: object) -> None:
+    """Do nothing if this lies on this machine.
+
+    Raises BadRequest: it is the URL of a bucket.
+
+    >>> require_folder(Path("out"))
+    >>> require_folder("s3://bucket/out")  # doctest: +IGNORE_EXCEPTION_DETAIL
+    Traceback (most recent call last):
+    BadRequest: s3://bucket/out: must lie on this machine, ...
+    """
+    if is_bucket(given) and "://" in str(given):
+        rule = "must lie on this machine, but is a URL: only campaigns in simulated time lie in buckets"
+        raise BadRequest(str(given), rule, "name a folder", slug="place-local")
+
+
 def names_in(folder: Path) -> list[str]:
     """Return what lies there, by name; nothing if there is no such folder."""
     with contextlib.suppress(FileNotFoundError):

@@ -23,6 +23,7 @@ from parcours.run.atomic import require_writable, write_atomically
 from parcours.run.binding import Binding
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
+from parcours.run.places import require_folder
 from parcours.run.recording.topic import no_bag
 from parcours.study.journal import Journal, read_question, write_question
 from parcours.study.parameters import Parameter, Settings
@@ -118,6 +119,7 @@ class RosStudy:
         timing = [] if request.chosen else self._limits(settings)
         if settings["record"] == "bag" and self.binding.transport == "ros2":
             raise no_bag("--record bag")
+        require_folder(out)
         require_writable(out)
         decides = {one.name: settings[one.name] for one in self.parameters if one.decides}
         decides["faults"] = str(read_plan(str(settings["faults"]))) if settings["faults"] else ""

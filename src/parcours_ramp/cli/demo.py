@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import seed, workers
+from parcours.cli.options import PATH, seed, workers
 from parcours.cli.renaming import formerly
 
 
@@ -21,9 +21,7 @@ from parcours.cli.renaming import formerly
 )  # fmt: skip
 @seed
 @workers
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True, help="Folder to write."
-)
+@click.option("--out", type=PATH, default=Path("out/demo"), show_default=True, help="Folder to write.")
 def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path) -> None:
     """Model, paths, abstract cases, data, component and timing cases, system campaigns; judged and drawn.
 

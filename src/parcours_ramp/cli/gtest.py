@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from parcours.cli.options import PATH
+
 
 @click.command("gtest")
-@click.argument("suite", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
+@click.argument("suite", type=PATH)
+@click.option("--out", type=PATH, required=True, help="Folder to write.")
 @click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="Of each timing case.")
 @click.option(
     "--warm-up", type=click.IntRange(0, 10_000), default=3, show_default=True, help="Repeats that are discarded."

@@ -8,6 +8,7 @@ from parcours.report.junit import to_junit
 from parcours.report.writing import write_text
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
+from parcours.run.places import require_folder
 from parcours.study.hosting import Nodes, started
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
@@ -46,6 +47,7 @@ def run_live_cases(door: RampSystem, request: Request, progress: Progress) -> Ru
     plan = read_plan(faults) if faults else None
     if plan:
         plan.check([link.channel for link in system_links()], COMPONENTS)
+    require_folder(request.out)
     log = LiveLog(request.out, study, host, settings["record"] or None, plan)  # type: ignore[arg-type]
     write_question(request.out, door.name, door.where, question_of(door, request))
     numbers = numbers_of(study.cases, request.chosen) or tuple(range(request.n_cases or LIVE_CASES))

@@ -17,6 +17,7 @@ from parcours.run.campaign import terminable
 from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution
 from parcours.run.noise import Noise
+from parcours.run.places import require_folder
 from parcours.run.trace import Trace, TraceEvent
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
@@ -46,6 +47,7 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
     host = str(settings["host"])
     plan = study.plan(request.seed, request.n_cases)
     cases = _wanted(study, request, plan)
+    require_folder(request.out)
     require_writable(request.out)
     nodes = study.nodes()
     require_carried(nodes.model, nodes.shown, nodes.specimens)
