@@ -75,13 +75,17 @@ def _one(binding: Path, out: Path, case: str, record: str = "") -> Result:
 def test_cases_of_the_model_pass_in_their_order_and_a_recording_says_so_again(
     nodes: Path, tmp_path: Path, case: str
 ) -> None:
-    result = _one(nodes / "binding.yaml", tmp_path, case, "mcap")
+    for attempt in range(5):  # where the machine was too busy to enforce the order, that is said, and it is tried again
+        out = tmp_path / str(attempt)
+        result = _one(nodes / "binding.yaml", out, case, "mcap")
+        if result.judged.judgement.verdict is not Verdict.INCONCLUSIVE:
+            break
     assert result.judged.judgement.passed, result.judged.judgement.why
     assert result.judged.held
-    recording = read_recording(tmp_path / result.recording)
+    recording = read_recording(out / result.recording)
     kept = held(recording.trace)
     assert sorted(kept.values()) == sorted(result.judged.held)
-    again, recorded, _ = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
+    again, recorded, _ = rejudge(out / result.recording, read_binding(nodes / "binding.yaml"))
     assert (again.judgement, recorded) == (result.judged.judgement, "pass")
 
 

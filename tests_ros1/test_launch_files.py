@@ -91,7 +91,7 @@ def test_they_are_dead_when_their_launcher_is(launched: Path, tmp_path: Path) ->
         try:
             session.start()
             session.act(session.slot_plan.slots[0], "kill")
-            until = session.now() + 10_000_000_000
+            until = session.now() + 60_000_000_000
             while not session.deaths and session.now() < until:
                 session.poll(until)
         finally:

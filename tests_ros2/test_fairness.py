@@ -54,7 +54,7 @@ def test_calls_wait_for_their_server_latched_messages_for_their_listener_and_par
             session.start()
             maker = Maker(host.compile())
             session.relay.inject("order", maker.of_the_environment("order", session.now()))
-            until = session.now() + 10_000_000_000
+            until = session.now() + 60_000_000_000
             sent = lambda channel: [e for e in session.relay.events if (e.kind, e.channel) == ("send", channel)]  # noqa: E731
             while not (sent("bill") and sent("posted")) and session.now() < until:
                 session.poll(until)

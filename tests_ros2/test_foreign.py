@@ -64,10 +64,14 @@ def run(nodes: Path, out: Path, **wanted: Any) -> list[Result]:
 def test_cases_of_the_model_pass_in_their_order_and_a_recording_says_so_again(
     nodes: Path, tmp_path: Path, case: str
 ) -> None:
-    [result] = run(nodes, tmp_path, abstract=(f"{case}/0",), record="mcap")
+    for attempt in range(5):  # where the machine was too busy to enforce the order, that is said, and it is tried again
+        out = tmp_path / str(attempt)
+        [result] = run(nodes, out, abstract=(f"{case}/0",), record="mcap")
+        if result.judged.judgement.verdict is not Verdict.INCONCLUSIVE:
+            break
     assert result.judged.judgement.passed, result.judged.judgement.why
     assert result.judged.held
-    again, recorded, _ = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
+    again, recorded, _ = rejudge(out / result.recording, read_binding(nodes / "binding.yaml"))
     assert (again.judgement, recorded) == (result.judged.judgement, "pass")
 
 

@@ -64,7 +64,7 @@ def test_nodes_of_a_launcher_are_kept_in_order_drive_and_are_dead_when_it_is(
         try:
             session.start()
             session.act(session.slot_plan.slots[0], "kill")
-            until = session.now() + 10_000_000_000
+            until = session.now() + 60_000_000_000
             while not session.deaths and session.now() < until:
                 session.poll(until)
         finally:
