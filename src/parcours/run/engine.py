@@ -33,6 +33,8 @@ _AHEAD = 2
 """Portions for each worker that the scheduler knows of; 1 once one died, since all that wait there are blamed."""
 _FIRST = 2  # shards in a portion before it is known how long one takes: what two take tells it
 _ATTEMPTS = 2
+_RECOUNTED = 2.0  # how often workers are counted [s]
+_LOOKED = 0.02  # how often answers are looked for where there are none [s]
 _TO_CONNECT = 10.0  # [s]
 _TO_COME = 60.0  # for the first worker [s]
 
@@ -91,18 +93,20 @@ class _Launch:
     def run(self) -> Generator[int, None, None]:
         """Yield each shard once it is written. Raises as `launched`."""
         try:
-            self._send()
-            for future in self._answers:
-                yield from self._finished(future, *self._under_way.pop(future))
-                self._send()
+            while self._send():
+                if self._answers.has_ready():
+                    future = next(self._answers)
+                    yield from self._finished(future, *self._under_way.pop(future))
+                else:  # a worker may come meanwhile, and is sent its portion
+                    time.sleep(_LOOKED)
         except ParcoursError:
             raise
         except (Exception, asyncio.CancelledError) as error:  # whatever of Dask's the lost line was noticed in
             raise _lost(said(error)) from error
 
-    def _send(self) -> None:
-        """Keep all workers busy."""
-        if time.monotonic() - self._counted > 2.0:
+    def _send(self) -> bool:
+        """Keep all workers busy; return whether any portion is under way."""
+        if time.monotonic() - self._counted > _RECOUNTED:
             self._workers, self._counted = max(len(self._client.nthreads()), 1), time.monotonic()
         while self._waiting and len(self._under_way) < self._ahead * self._workers:
             size = self._pace.shards(len(self._waiting), self._workers)
@@ -110,6 +114,7 @@ class _Launch:
             future = self._client.submit(compute, self._sent, part, versions(), pure=False)
             self._under_way[future] = part, self._ahead == 1
             self._answers.add(future)
+        return bool(self._under_way)
 
     def _finished(self, future: Any, shards: tuple[int, ...], is_alone: bool) -> Sequence[int]:
         """Return which shards of a portion are written; raise in our words what a worker has raised.
