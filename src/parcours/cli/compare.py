@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PLACE, as_json, print_json
+from parcours.cli.options import LOCATION, as_json, print_json
 
 
 @click.command("compare")
-@click.argument("folders", nargs=-1, required=True, type=PLACE)
+@click.argument("folders", nargs=-1, required=True, type=LOCATION)
 @as_json
 def command(folders: tuple[Path, ...], as_json: bool) -> None:
     """Compare FOLDERS of runs of one study with the first of them: rates are tested on the cases that they share.

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PLACE, as_json, count, named_study, print_json, print_rows
+from parcours.cli.options import LOCATION, as_json, count, named_study, print_json, print_rows
 
 
 @click.command("coverage")
-@click.argument("folders", nargs=-1, required=True, type=PLACE)
+@click.argument("folders", nargs=-1, required=True, type=LOCATION)
 @count("--show", default=10, least=0, help="How much of what is missing to name, of each kind.")
 @named_study
 @as_json

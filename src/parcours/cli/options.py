@@ -28,7 +28,7 @@ class _LocalPath(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path. Raises BadRequest: it is a URL."""
-        from parcours.run.places import require_folder
+        from parcours.run.locations import require_folder
 
         require_folder(value)
         return super().convert(value, param, ctx)
@@ -55,19 +55,19 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON inste
 seed = click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Campaign seed.")
 
 
-class _Place(_Type):
+class _Location(_Type):
     """A folder of results, or the URL of a bucket that holds some."""
 
     name = "path"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
         """Return the path, or what stands for one."""
-        from parcours.run.places import place
+        from parcours.run.locations import location
 
-        return place(str(value))
+        return location(str(value))
 
 
-PLACE = _Place()
+LOCATION = _Location()
 
 
 class StudyFile(_Type):
@@ -109,7 +109,7 @@ fail_if = click.option(
     help='Exit 1 if it holds, such as "failed > 1%"; may be repeated. Verdicts of cases then do not decide.',
 )  # fmt: skip
 baseline = click.option(
-    "--baseline", type=PLACE, metavar="FOLDER",
+    "--baseline", type=LOCATION, metavar="FOLDER",
     help="Exit 1 if a rate got significantly worse than in that run. Verdicts of cases then do not decide.",
 )  # fmt: skip
 

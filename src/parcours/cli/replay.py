@@ -6,16 +6,16 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, PLACE, named_study
+from parcours.cli.options import LOCATION, PATH, named_study
 
 
 @click.command("replay")
-@click.argument("folder", type=PLACE)
+@click.argument("folder", type=LOCATION)
 @click.argument("case")
 @click.option("--html", type=PATH, help="Page to write; without it the case is printed.")
 @click.option("--export", "exports", multiple=True, type=PATH, metavar="FILE",
               help="Write the replay as .svg, .gif or .mcap (Foxglove); may be repeated.")  # fmt: skip
-@click.option("--beside", multiple=True, type=PLACE, metavar="FOLDER",
+@click.option("--beside", multiple=True, type=LOCATION, metavar="FOLDER",
               help="Show the same case of this run beside it, at the same time; may be repeated.")  # fmt: skip
 @named_study
 def command(

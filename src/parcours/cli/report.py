@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, PLACE, as_json, baseline, fail_if, named_study
+from parcours.cli.options import LOCATION, PATH, as_json, baseline, fail_if, named_study
 
 
 @click.command("report")
-@click.argument("folders", nargs=-1, required=True, type=PLACE)
+@click.argument("folders", nargs=-1, required=True, type=LOCATION)
 @click.option("--html", type=PATH, help="Write one self-contained page.")
 @click.option("--junit", type=PATH, help="Write the verdicts as JUnit XML.")
 @named_study
@@ -28,7 +28,7 @@ def command(
     Example: parcours report out/lift-before out/lift --html out/report.html --junit out/junit.xml
     """
     from parcours.cli.verdicts import conclude, tell
-    from parcours.run.places import place
+    from parcours.run.locations import location
     from parcours.study.finding import read_all
     from parcours.study.gate import parse_condition
     from parcours.study.reproducing import noted
@@ -36,7 +36,7 @@ def command(
     conditions = [parse_condition(text) for text in fail_if]
     families = read_all(folders, study)
     tell(families, as_json)
-    again = {folder: found for folder in map(str, folders) if (found := noted(place(folder))) is not None}
+    again = {folder: found for folder in map(str, folders) if (found := noted(location(folder))) is not None}
     for folder, one in again.items():
         click.echo(f"{folder}: {one}", err=as_json)
     if html is not None:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PLACE, as_json, named_study, print_json, workers
+from parcours.cli.options import LOCATION, as_json, named_study, print_json, workers
 
 
 @click.command("reproduce")
-@click.argument("folder", type=PLACE)
+@click.argument("folder", type=LOCATION)
 @workers
 @named_study
 @as_json

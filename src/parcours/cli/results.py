@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from parcours.cli.options import PATH, PLACE, as_json, named_study, print_json, print_rows
+from parcours.cli.options import LOCATION, PATH, as_json, named_study, print_json, print_rows
 
 if TYPE_CHECKING:
     from parcours.study.tabling import ResultTable
 
 
 @click.command("results")
-@click.argument("folder", type=PLACE)
+@click.argument("folder", type=LOCATION)
 @click.option("--by", "keys", multiple=True, metavar="KEY", help="Rates of each value of a column; may be repeated.")
 @click.option("--where", metavar="CONDITION", help='Of these cases only: "outcome == stuck && travelled > 2".')
 @click.option("--sql", metavar="QUERY", help="What a query of the table `results` gives (DuckDB).")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from parcours.cli.options import PATH, PLACE, as_json, baseline, count, fail_if, seed
+from parcours.cli.options import LOCATION, PATH, as_json, baseline, count, fail_if, seed
 
 if TYPE_CHECKING:
     from parcours.study import Study
@@ -41,7 +41,7 @@ _COMMON = (
     seed,
     click.option(
         "--out",
-        type=PLACE,
+        type=LOCATION,
         required=True,
         help="Folder or bucket (s3://...) for the results; resumed if it holds some.",
     ),

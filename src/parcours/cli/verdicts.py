@@ -38,7 +38,7 @@ def conclude(
 
     Conditions and a baseline decide alone where there are some; else the verdicts of the cases do.
     """
-    from parcours.run.places import place
+    from parcours.run.locations import location
     from parcours.study.gate import check_conditions, compare_with_baseline, exit_code
 
     if junit is not None:
@@ -54,7 +54,7 @@ def conclude(
                 failed |= checked.failed
                 click.echo(f"{'FAILED' if checked.failed else 'ok'}: {checked.name}: {checked.why}", err=True)
             if baseline is not None:
-                require_same_cases(place(folder), baseline)
+                require_same_cases(location(folder), baseline)
                 failed |= _is_worse(compare_with_baseline(results, study.read(baseline)), baseline)
     if conditions or baseline is not None:
         raise click.exceptions.Exit(1 if failed else 0)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from parcours.errors import BadRequest
-from parcours.run.places import is_bucket, put
+from parcours.run.locations import is_bucket, put
 
 _TAG = f"{socket.gethostname()}-{{pid}}.partial"
 

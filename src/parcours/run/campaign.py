@@ -22,7 +22,7 @@ from parcours.run.exception_text import described
 from parcours.run.folder_backup import Keeping
 from parcours.run.heartbeat import RunsStrangers
 from parcours.run.limiting import limited
-from parcours.run.places import is_bucket
+from parcours.run.locations import is_bucket
 from parcours.run.stops import STOP, Stop, read_stop
 from parcours.run.store import Campaign, Rows, Store, create
 from parcours.run.strangers import Simulate, computed, lost_before, resolve
@@ -98,7 +98,8 @@ def run_campaign(
             runs in processes of its own; with one worker it runs here.
         campaign: what to compute.
         folder: where the results go; resumed if this very campaign was started there. A bucket's, see
-            `parcours.run.places.place`, is not locked; of memory:// each process has its own, so with one worker only.
+            `parcours.run.locations.location`, is not locked; of memory:// each process has its own,
+            so with one worker only.
         workers: number of processes, at least 1.
         progress: called in this process.
         enough: called in this process; ends the campaign after the first shard in whose order it says why, for

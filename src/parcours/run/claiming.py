@@ -10,7 +10,7 @@ from pathlib import Path
 
 from parcours.errors import BadResults
 from parcours.run.atomic import unwritable
-from parcours.run.places import is_bucket
+from parcours.run.locations import is_bucket
 
 _held: set[int] = set()  # descriptors of the locks of this process
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.atomic import write_atomically
-from parcours.run.places import is_bucket
+from parcours.run.locations import is_bucket
 from parcours.run.store import Rows, Store
 
 _copies: weakref.WeakSet[IO[bytes]] = weakref.WeakSet()

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from parcours.errors import BadResults, HostFailure
 from parcours.run.atomic import sweep, unwritable, write_atomically
 from parcours.run.columns import pack, unpack
+from parcours.run.locations import is_bucket, names_in
 from parcours.run.manifest import MANIFEST as MANIFEST
 from parcours.run.manifest import Campaign as Campaign
 from parcours.run.manifest import differences, read_manifest, write_manifest
-from parcours.run.places import is_bucket, names_in
 from parcours.run.stops import read_stop
 
 _PART = 8192  # cases that are read together at least: small enough for a cache, large enough for NumPy
@@ -204,7 +204,8 @@ def create(folder: Path, campaign: Campaign) -> Store:
     """Return the store of this campaign in `folder`: started there now, or earlier and to be resumed.
 
     Args:
-        folder: is made if it does not exist; may hold nothing else. Or a bucket's, see `parcours.run.places.place`.
+        folder: is made if it does not exist; may hold nothing else. Or a bucket's, see
+            `parcours.run.locations.location`.
         campaign: must be the one started there, if one was.
 
     Raises:

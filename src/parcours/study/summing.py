@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
-from parcours.run.places import place
+from parcours.run.locations import location
 from parcours.study.gate import JudgedResults
 from parcours.study.journal import RUN, read_question
 from parcours.study.protocol import Measure, Results, Study
@@ -120,8 +120,8 @@ class FolderSummary:
 def sum_up(study: Study, folder: str, results: Results) -> FolderSummary:
     """Return what the results come to."""
     verdicts = _verdicts(results)
-    made, seed, command = _asked(study, place(folder))
-    found = noted(place(folder))
+    made, seed, command = _asked(study, location(folder))
+    found = noted(location(folder))
     figures = _telling(results, verdicts)
     causes = _causes(results, verdicts, figures, folder, command)
     return FolderSummary(

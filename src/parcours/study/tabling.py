@@ -20,7 +20,7 @@ from parcours.data import InputModel
 from parcours.errors import BadRequest, one_of
 from parcours.model.expression import Binary, Expression, Name, Unary, names, parse_expression
 from parcours.model.expression.evaluation import compiled
-from parcours.run.places import place
+from parcours.run.locations import location
 from parcours.study.protocol import Results
 from parcours.verdict.statistics import Rate, wilson
 
@@ -199,7 +199,7 @@ def read_parts(folder: Path | str, study: str = "") -> Iterator[ResultTable]:
     """
     from parcours.study.finding import study_of
 
-    results = study_of(place(folder), study).read(place(folder))
+    results = study_of(location(folder), study).read(location(folder))
     yield from map(table_of, results.in_parts() if isinstance(results, Divided) else [results])
 
 
@@ -234,7 +234,7 @@ def read_table(folder: Path | str, study: str = "") -> ResultTable:
     """
     from parcours.study.finding import study_of
 
-    return table_of(study_of(place(folder), study).read(place(folder)))
+    return table_of(study_of(location(folder), study).read(location(folder)))
 
 
 def input_columns(

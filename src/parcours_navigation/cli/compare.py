@@ -51,9 +51,9 @@ def command(
 
     Example: parcours compare out/lift-before out/lift-now
     """
-    from parcours.run.places import place
+    from parcours.run.locations import location
 
-    folders = [place(one) for one in planners]
+    folders = [location(one) for one in planners]
     if all(one.is_dir() for one in folders):
         from parcours.cli.compare import compare_folders
 

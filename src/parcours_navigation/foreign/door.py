@@ -23,7 +23,7 @@ from parcours.run.atomic import require_writable, write_atomically
 from parcours.run.binding import Binding
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
-from parcours.run.places import require_folder
+from parcours.run.locations import require_folder
 from parcours.run.recording.topic import no_bag
 from parcours.study.journal import Journal, read_question, write_question
 from parcours.study.parameters import Parameter, Settings

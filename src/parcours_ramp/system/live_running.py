@@ -8,7 +8,7 @@ from parcours.report.junit import to_junit
 from parcours.report.writing import write_text
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
-from parcours.run.places import require_folder
+from parcours.run.locations import require_folder
 from parcours.study.hosting import Nodes, started
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run

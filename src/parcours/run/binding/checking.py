@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from parcours.model.finding import Finding, advice
-from parcours.run.binding.domains import places
+from parcours.run.binding.domains import parts_on_domains
 from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
@@ -275,7 +275,7 @@ class _Check:
     def domains(self) -> None:
         binding = self.binding
         why = "are led on one domain" if binding.stack is not None else "of ros1 have no domains"
-        for part in places(binding):
+        for part in parts_on_domains(binding):
             if part.domain is not None and (binding.stack is not None or binding.transport != "ros2"):
                 rule = f"nodes {'of a stack ' if binding.stack is not None else ''}{why}, but {part.domain} is named"
                 self.add(part.line, "binding-domain", rule, "delete 'domain'; ROS_DOMAIN_ID chooses that of a run")

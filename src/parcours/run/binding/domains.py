@@ -41,14 +41,14 @@ def domain_of(channel: BoundChannel, node: NodeProcess | None) -> int | None:
     return channel.domain if channel.domain is not None or node is None else node.domain
 
 
-def places(binding: Binding) -> tuple[NodeProcess | BoundChannel | Action, ...]:
+def parts_on_domains(binding: Binding) -> tuple[NodeProcess | BoundChannel | Action, ...]:
     """Return all parts of a binding that may name a domain."""
     return (*binding.nodes, *binding.channels, *binding.before_case, *binding.after_case)
 
 
 def domains(binding: Binding) -> set[int]:
     """Return the domains that a binding names."""
-    return {one.domain for one in places(binding) if one.domain is not None}
+    return {one.domain for one in parts_on_domains(binding) if one.domain is not None}
 
 
 def at_home(binding: Binding, own: int) -> Binding:

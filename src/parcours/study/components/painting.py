@@ -79,6 +79,22 @@ def channel_figure(model: Cefsm, results: Sequence[ComponentResult], where: str)
     return [Figure(title, lambda: channels_to_svg(model, title, rates, "a case"), f"Messages a case: {said}", note)]
 
 
+def transition_states(
+    model: Cefsm, order_of: OrderOf, results: Sequence[ComponentResult], untaken: frozenset[Place] = frozenset()
+) -> dict[Place, PaintState]:
+    """Return what cases made of each transition; arguments as of `machine_pieces`. Empty if all cases are of timing."""
+    return {} if all(one.bound for one in results) else _states(model, taken_by(order_of, results), untaken)
+
+
+def _states(model: Cefsm, taken: Mapping[Place, TransitionCases], untaken: frozenset[Place]) -> dict[Place, PaintState]:
+    return {
+        (place := (component.name, one.id)): _state(taken.get(place, TransitionCases()), place in untaken)
+        for component in model.components
+        for machine in component.machines
+        for one in machine.transitions
+    }
+
+
 def machine_pieces(
     model: Cefsm,
     order_of: OrderOf,
@@ -102,6 +118,7 @@ def machine_pieces(
     if all(one.bound for one in results):
         return []
     taken = taken_by(order_of, results)
+    states = _states(model, taken, untaken)
     pieces: list[Piece] = [*channel_figure(model, results, where)]
     rows: list[tuple[Cell, ...]] = []
     anchors: list[str] = []
@@ -110,7 +127,7 @@ def machine_pieces(
             painted: dict[str, Paint] = {}
             for one in machine.transitions:
                 at = taken.get((component.name, one.id), TransitionCases())
-                state = _state(at, (component.name, one.id) in untaken)
+                state = states[component.name, one.id]
                 anchor = f"taken_{plain_anchor(f'{where} {component.name} {one.id}')}"
                 painted[one.id] = Paint(state, f"{state}, {at.passed} passed, {at.failed} failed", anchor)
                 first = at.failing[0] if at.failing else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import cast
@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.model.picture import PaintState
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Figure, Marked, Page, Piece, Section, Table
+from parcours.report.pieces import Column, Figure, Page, Piece, Section, Table
 from parcours.report.sequences import sequence_chart
 from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
@@ -270,8 +271,9 @@ class StudyResults:
     def __init__(
         self, study: str, found: ComponentResults, replay: Callable[[str], Page], checks: Sequence[str] = (),
         landed: Glance | None = None, painted: Callable[[str], Sequence[Piece]] | None = None,
+        states: Callable[[], Collection[PaintState]] = tuple,
     ) -> None:  # fmt: skip
-        self._landed, self._painted = landed, painted
+        self._landed, self._painted, self._states = landed, painted, states
         self.study, self.found, self._replay, self.checks = study, found, replay, checks
         self.label = found.host
         self.planned = found.planned
@@ -286,12 +288,10 @@ class StudyResults:
 
     def highlights(self) -> Sequence[str]:
         """Return how much of the model and of the test data was covered, in sentences."""
-        found = []
-        states = [str(row[3].value) for one in self.machines("")[-1:] if isinstance(one, Table) for row in one.rows
-                  if isinstance(row[3], Marked)]  # fmt: skip
+        found, states = [], list(self._states())
         if states:
-            covered = states.count("covered")
-            found.append(f"{covered} of {len(states)} transitions of the model were taken by a case that passed.")
+            taken = states.count("covered")
+            found.append(f"{taken} of {len(states)} transitions of the model were taken by a case that passed.")
         if (one := self._landed) is not None:
             found.append(f"{one.blocks - len(one.unreached)} of {one.blocks} blocks of test data reached a component.")
         return found

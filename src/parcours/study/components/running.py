@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from parcours.abtc import MARK, Event
 from parcours.errors import BadResults, HostFailure
+from parcours.model.picture import PaintState
 from parcours.report.pieces import Page, Piece, Table
 from parcours.run.atomic import require_writable
 from parcours.run.campaign import terminable
 from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution
+from parcours.run.locations import require_folder
 from parcours.run.noise import Noise
-from parcours.run.places import require_folder
 from parcours.run.trace import Trace, TraceEvent
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
 from parcours.study.components.executing import CaseTiming, Execute, Exercise, Functional, TimingGroup
 from parcours.study.components.isolation import Done, longest, run_apart, watched
 from parcours.study.components.landing import glance
-from parcours.study.components.painting import machine_pieces
+from parcours.study.components.painting import machine_pieces, transition_states
 from parcours.study.hosting import Hosted, started
 from parcours.study.journal import Journal, read_journal, read_question, write_question
 from parcours.study.parameters import Settings
@@ -276,14 +277,21 @@ def read_results(study: ComponentStudy, folder: Path) -> Results:
     return results.StudyResults(
         study.name, found, lambda case: _page(study, folder, case), contracts_of(study.model).checks,
         results.read_landing(folder), functools.partial(_painted, study, found.results),
+        functools.partial(_states, study, found.results),
     )  # fmt: skip
 
 
-def _painted(study: ComponentStudy, found: Sequence[results.ComponentResult], where: str) -> Sequence[Piece]:
-    def order_of(abstract: str) -> Sequence[Event]:
-        return study.order_of(abstract) if abstract in study.abstracts else ()
+def _order_of(study: ComponentStudy, abstract: str) -> Sequence[Event]:
+    return study.order_of(abstract) if abstract in study.abstracts else ()
 
+
+def _painted(study: ComponentStudy, found: Sequence[results.ComponentResult], where: str) -> Sequence[Piece]:
+    order_of = functools.partial(_order_of, study)
     return machine_pieces(study.model, order_of, found, where, untaken=study.untaken, prefix="functional/")
+
+
+def _states(study: ComponentStudy, found: Sequence[results.ComponentResult]) -> Collection[PaintState]:
+    return transition_states(study.model, functools.partial(_order_of, study), found, study.untaken).values()
 
 
 def _page(study: ComponentStudy, folder: Path, id: str) -> Page:

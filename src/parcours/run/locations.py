@@ -1,6 +1,6 @@
 """Where results lie: a folder, or a URL as of a bucket, which fsspec and universal_pathlib make look like one.
 
-out/lift             a folder: a file is written beside its place, and renamed into it
+out/lift             a folder: a file is written beside its location, and renamed into it
 s3://bucket/lift     objects: each appears whole or not at all, and there is no lock
 """
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from upath import UPath
 
 
-def place(given: str | Path) -> Path:
+def location(given: str | Path) -> Path:
     """Return where results lie: a path, or what stands for one where a URL is given.
 
     Raises BadRequest: what the URL needs is not installed.
 
-    >>> place("out/lift"), place("file:///out/lift").as_posix()
+    >>> location("out/lift"), location("file:///out/lift").as_posix()
     (PosixPath('out/lift'), '/out/lift')
-    >>> is_bucket(place("memory://lift"))
+    >>> is_bucket(location("memory://lift"))
     True
     """
     if not isinstance(given, str):
@@ -63,7 +63,7 @@ def require_folder(given: object) -> None:
     """
     if is_bucket(given) and "://" in str(given):
         rule = "must lie on this machine, but is a URL: only campaigns in simulated time lie in buckets"
-        raise BadRequest(str(given), rule, "name a folder", slug="place-local")
+        raise BadRequest(str(given), rule, "name a folder", slug="location-local")
 
 
 def names_in(folder: Path) -> list[str]:

@@ -18,7 +18,7 @@ from upath import UPath
 from parcours.cli import parcours as cli
 from parcours.errors import BadRequest, BadResults
 from parcours.run.campaign import run_campaign
-from parcours.run.places import is_bucket, names_in, place
+from parcours.run.locations import is_bucket, location, names_in
 from parcours.run.store import Campaign, Rows, open_results
 
 DTYPE = np.dtype([("case", "i8"), ("value", "f8")])
@@ -36,7 +36,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def bucket() -> Iterator[Path]:
-    yield place(f"memory://{uuid.uuid4()}/campaign")
+    yield location(f"memory://{uuid.uuid4()}/campaign")
 
 
 def test_a_bucket_holds_the_bytes_that_a_folder_holds(bucket: Path, tmp_path: Path) -> None:
@@ -87,9 +87,9 @@ def test_a_place_is_sent_to_other_processes(bucket: Path) -> None:
 
 
 def test_a_file_url_is_a_folder_with_its_lock_and_an_unknown_scheme_is_refused(tmp_path: Path) -> None:
-    assert place(f"file://{tmp_path}") == tmp_path and not is_bucket(place(str(tmp_path)))
+    assert location(f"file://{tmp_path}") == tmp_path and not is_bucket(location(str(tmp_path)))
     with pytest.raises(BadRequest, match=r"nowhere:// must be installed.*no-cloud-extra"):
-        place("nowhere://bucket/campaign")
+        location("nowhere://bucket/campaign")
 
 
 def test_what_a_bucket_refuses_is_said_in_our_words(tmp_path: Path) -> None:
@@ -129,5 +129,5 @@ def test_the_commands_run_and_read_a_campaign_in_a_bucket_as_in_a_folder(bucket:
 )
 def test_what_keeps_to_folders_refuses_a_url_before_anything_is_written(words: list[str]) -> None:
     refused = CliRunner().invoke(cli, words).exception
-    assert isinstance(refused, BadRequest) and refused.slug == "place-local"
-    assert names_in(place(words[-1])) == []
+    assert isinstance(refused, BadRequest) and refused.slug == "location-local"
+    assert names_in(location(words[-1])) == []
