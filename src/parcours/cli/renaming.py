@@ -10,7 +10,7 @@ from parcours.errors import BadRequest
 
 _FORMER: dict[click.Command, Mapping[str, str]] = {}
 
-# Names that some command once had for its limit or its number of cases. Who knows one tries it elsewhere, too.
+# Names that some command once had for its limit or its number of cases. A user who knows one tries it elsewhere, too.
 _LIMITS = ("--max-time", "--timeout", "--max-work", "--max-states", "--max-moves", "--max-runs")
 _COUNTS = ("--cases", "--sample", "--max-requirements")
 _ANYWHERE = {

@@ -104,7 +104,7 @@ class FolderSummary:
     run: str  # the command that ran it; empty if that is not known
     made: Mapping[str, str]  # date, commit, machine, versions, as far as they were kept
     reproduced: str  # how many failing cases gave the same again; empty if nobody has tried
-    highlights: tuple[str, ...] = ()  # what else is worth to know first, in sentences
+    highlights: tuple[str, ...] = ()  # what else is worth knowing first, in sentences
 
     @property
     def n(self) -> int:

@@ -159,7 +159,7 @@ def _run(
     return ran.store.load()
 
 
-def digest_of(facts: np.void) -> int:
+def _digest_of(facts: np.void) -> int:
     """Return a number of 64 bits that stands for the judge's facts of a case."""
     content = _fields(np.array([facts]), FACTS).tobytes()
     return int.from_bytes(hashlib.sha256(content).digest()[:8], "little")
@@ -168,7 +168,7 @@ def digest_of(facts: np.void) -> int:
 def _repeated(kept: NDArray[np.void], again: NDArray[np.void]) -> tuple[int, int]:
     """Return how many cases gave the same facts when they were run again, and how many were."""
     ran = np.flatnonzero(again["facts"])
-    return sum(int(again["facts"][k]) == digest_of(kept[k]) for k in ran), len(ran)
+    return sum(int(again["facts"][k]) == _digest_of(kept[k]) for k in ran), len(ran)
 
 
 def _reasons(facts: NDArray[np.void]) -> tuple[str, ...]:
@@ -218,7 +218,7 @@ class Reproducing:
         for row, number in zip(rows, range(first, first + count), strict=True):
             facts, found = (None, None) if number in skipped else self._measured(number)
             row["number"] = number
-            row["facts"] = 0 if facts is None else digest_of(facts)
+            row["facts"] = 0 if facts is None else _digest_of(facts)
             for name in PUBLISHED.names or ():
                 row[name] = np.nan if found is None else found[name]
         return rows
