@@ -25,6 +25,7 @@ from parcours.study.parameters import settings_of
 from parcours.study.protocol import FaultRequest, Request
 from parcours.study.provenance import provenance
 from parcours.study.reporting import report_page
+from parcours.study.reproducing import Reruns
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.page import compare_page
@@ -82,7 +83,9 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     mutants = tuple(Mutant(f"{HOSTILE}:{k}", "stale", f"{HOSTILE}.py", k, HOSTILE) for k in range(3))
     seen = {one.id: MutantOutcome("ended", {"golden twin": ("c", HOSTILE)}, 1, {}, 0, 0) for one in mutants}
     asked = ["parcours", "mutate", HOSTILE]
-    pages["mutants"] = mutation_page(MutationResults("lift", "code", mutants, seen), provenance(), asked)
+    pages["mutants"] = mutation_page(
+        MutationResults("lift", "code", mutants, seen), provenance(), asked, Reruns("noticed mutants", 2, 3, 3)
+    )
     for name, page in pages.items():
         (folder / f"{name}.html").write_text(to_html(page), encoding="utf-8")
     return {name: (folder / f"{name}.html").as_uri() for name in pages}
