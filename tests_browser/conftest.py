@@ -12,11 +12,22 @@ from playwright.sync_api import Browser, Dialog, sync_playwright
 from playwright.sync_api import Page as Tab
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-SIZES = {"phone": (390, 844), "1280": (1280, 900), "desk": (1920, 1080)}
-CUT = """[...document.querySelectorAll(innerWidth < 700 ? '.cases' : 'main table')]
-    .filter((table) => table.scrollWidth > table.parentElement.clientWidth + 1).length"""
-SMALL = """[...document.querySelectorAll('.chart text')]
-    .filter((text) => text.textContent && text.getBoundingClientRect().height < 8).length"""
+SIZES = {"phone": (390, 844), "tablet": (768, 1024), "1280": (1280, 900), "desk": (1920, 1080)}
+# Columns that are cut: no table is wider than its place, but on small screens those that may be scrolled by keyboard,
+# in a region with a name; cases that did not pass never are.
+CUT = """[...document.querySelectorAll('main table')].filter((table) => {
+    const place = table.parentElement, scrolls = getComputedStyle(place).overflowX === 'auto';
+    const named = place.tabIndex === 0 && place.getAttribute('aria-label') && place.getAttribute('role');
+    const cut = table.scrollWidth > place.clientWidth + 1;
+    return cut && !(innerWidth < 1000 && !table.matches('.cases') && scrolls && named);
+}).map((table) => `${table.dataset.name}: ${table.scrollWidth} px`)"""
+# Text of drawings below 11 px, as it is on the screen: its size times the scale of the drawing.
+SMALL = """[...document.querySelectorAll('main svg text, main svg tspan')].flatMap((text) => {
+    const to = (text.closest('text') ?? text).getScreenCTM(), shown = text.getBoundingClientRect().width;
+    if (!shown || !to) return [];
+    const size = parseFloat(getComputedStyle(text).fontSize) * Math.sqrt(Math.abs(to.a * to.d - to.b * to.c));
+    return size < 10.95 ? [`${text.textContent}: ${size.toFixed(1)} px`] : [];
+}).slice(0, 5)"""
 
 # From file://, axe cannot load style sheets by itself, and would say so on the console; what passes is of no interest.
 AXE = {"preload": False, "resultTypes": ["violations"]}
@@ -72,8 +83,8 @@ def look_over() -> Callable[[Tab, str, str], None]:
         tab.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
         said = f"{tab.url}, {size}, {scheme}"
         assert tab.evaluate("document.documentElement.scrollWidth") <= width, f"{said}: the page scrolls sideways"
-        assert tab.evaluate(CUT) == 0, f"{said}: a column of a table is cut"
-        assert tab.evaluate(SMALL) == 0, f"{said}: text of a chart is too small to read"
+        assert tab.evaluate(CUT) == [], f"{said}: a column of a table is cut"
+        assert tab.evaluate(SMALL) == [], f"{said}: text of a drawing is too small to read"
         found = axe.run(tab, options=AXE)
         assert found.violations_count == 0, f"{said}: {found.generate_report()[:3000]}"
 

@@ -25,6 +25,7 @@ from parcours.study.parameters import settings_of
 from parcours.study.protocol import FaultRequest, Request
 from parcours.study.provenance import provenance
 from parcours.study.reporting import report_page
+from parcours.study.reproducing import Reruns
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.page import compare_page
@@ -33,10 +34,15 @@ from parcours_navigation.foreign.cases import abstract_scenes
 from parcours_navigation.foreign.door import RosStudy
 from parcours_navigation.foreign.judging import JudgedCase
 from parcours_navigation.foreign.results import Result
+from parcours_ramp.faults.catalogue import catalogue
+from parcours_ramp.faults.judging import CaseOutcome
+from parcours_ramp.faults.reporting import SHOWN, fault_page
+from parcours_ramp.faults.running import FaultResults, FaultRow
 from whole_page import HOSTILE, whole_page
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TITLES = "[...document.querySelectorAll('h2, .piece > h3, .lead p, .cases .cause th')].map((one) => one.innerText)"
+UNFOLD = "for (const fold of document.querySelectorAll('details:not(.cases details)')) fold.open = true"
 A4 = {"format": "A4", "margin": dict.fromkeys(("top", "bottom", "left", "right"), "15mm")}
 
 
@@ -58,6 +64,15 @@ def bound(folder: Path) -> Page:
             sent = {"obstacles": k, "plan": 2}
             journal.add(scene.id, Result(scene.id, "abstract", JudgedCase(judgement), 0.5, scene.id, sent=sent).entry())
     return report_page([(study, {str(folder): study.read(folder)})])
+
+
+def ramp_under_faults() -> FaultResults:
+    """Results made up: each outcome of two cases, under the whole catalogue."""
+    rows = []
+    for k, entry in enumerate(catalogue()):
+        ended = [CaseOutcome(n, SHOWN[(k + n) % len(SHOWN)], rest_after=10**9, silent=("Planner",)) for n in range(2)]
+        rows.append(FaultRow("guarded", entry, tuple(ended)))
+    return FaultResults(1, (0, 1), tuple(rows), {"guarded": (9, 9)})
 
 
 @pytest.fixture(scope="module")
@@ -82,20 +97,25 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     mutants = tuple(Mutant(f"{HOSTILE}:{k}", "stale", f"{HOSTILE}.py", k, HOSTILE) for k in range(3))
     seen = {one.id: MutantOutcome("ended", {"golden twin": ("c", HOSTILE)}, 1, {}, 0, 0) for one in mutants}
     asked = ["parcours", "mutate", HOSTILE]
-    pages["mutants"] = mutation_page(MutationResults("lift", "code", mutants, seen), provenance(), asked)
+    pages["mutants"] = mutation_page(
+        MutationResults("lift", "code", mutants, seen), provenance(), asked, Reruns("noticed mutants", 2, 3, 3)
+    )
+    pages["ramp-faults"] = fault_page(ramp_under_faults())
     for name, page in pages.items():
         (folder / f"{name}.html").write_text(to_html(page), encoding="utf-8")
     return {name: (folder / f"{name}.html").as_uri() for name in pages}
 
 
 @pytest.mark.parametrize(
-    "view", ["hostile", "campaign", "components", "robot", "binding", "compared", "faults", "mutants"]
+    "view", ["hostile", "campaign", "components", "robot", "binding", "compared", "faults", "mutants", "ramp-faults"]
 )
 def test_a_view_is_quiet_fits_its_screen_and_has_no_violation_of_axe(
     view: str, visit: Callable[..., Any], look_over: Callable[..., None], views: dict[str, str]
 ) -> None:
     with visit(views[view], bypass_csp=True) as tab:
+        tab.evaluate(UNFOLD)
         look_over(tab, "1280", "light")
+        look_over(tab, "tablet", "light")
         look_over(tab, "phone", "dark")
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from parcours.run.faults import FaultPlan, parse_fault, parse_plan
 from parcours.run.hosts.component_faults import Death
 from parcours.run.trace import Trace
 from parcours_navigation.facts import NEVER, TRACK
+from parcours_ramp.faults import running
 from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, CatalogueEntry, catalogue, chosen
 from parcours_ramp.faults.judging import CaseOutcome, RobotOutcome, judge
 from parcours_ramp.faults.reporting import SHOWN, fault_document, fault_page, tables
@@ -199,6 +202,16 @@ def test_one_and_two_workers_give_the_same_results() -> None:
         ("guarded", "update: drop from 3 s to 6 s", 1),
         ("guarded", "Sensing: crash at 8 s", 1),
     ]
+    assert one.repeated.equal == one.repeated.tried > 0
+
+
+def test_a_case_under_a_fault_that_comes_out_otherwise_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = judge
+    forgetful = lambda *what: dataclasses.replace(plain(*what), strikes=int.from_bytes(os.urandom(4)))  # noqa: E731
+    monkeypatch.setattr(running, "judge", forgetful)
+    found = run_faults(chosen("Sensing: crash at 8"), ("guarded",), cases=1)
+    assert (found.repeated.equal, found.repeated.tried, found.repeated.among) == (0, 1, 1)
+    assert "Not reproducible: 1 of 1 struck cases came out otherwise" in to_html(fault_page(found))
 
 
 def results() -> FaultResults:

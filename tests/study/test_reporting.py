@@ -22,6 +22,7 @@ from parcours.study.parameters import settings_of
 from parcours.study.protocol import Measure, Reported, Request
 from parcours.study.provenance import provenance
 from parcours.study.reporting import report_page, summarised
+from parcours.study.reproducing import Reruns
 from parcours.study.summing import LISTED, sum_up
 from parcours.verdict.judgement import Verdict
 
@@ -137,11 +138,15 @@ def test_mutants_that_survive_are_the_failures_of_a_test_suite() -> None:
     seen = {"m0": {"cases": ("c", "w")}, "m1": {"golden twin": ("c", "w")}, "m2": {"golden twin": ("c", "w")}}
     outcomes = {id: MutantOutcome("ended", by, 1, {}, 0, 0) for id, by in seen.items()}
     page = mutation_page(
-        MutationResults("lift", "code", mutants, outcomes), {"date": "today"}, ["parcours", "mutate", "lift"]
+        MutationResults("lift", "code", mutants, outcomes),
+        {"date": "today"},
+        ["parcours", "mutate", "lift"],
+        Reruns("noticed mutants", 1, 1, 1),
     )
     assert [(cause.words, cause.count) for cause in listed(page).causes] == [("stale", 2)]
     assert page.summary is not None and page.summary.verdict.startswith("They noticed 1 of 3 mutants")
     assert ("date", "today") in page.facts
+    assert ("run again", "1 of 1 gave the same verdict and facts (1 of 1 noticed mutants were run again)") in page.facts
     run, show = listed(page).causes[0].cases[0].commands
     assert run == "parcours mutate lift --only m1 --out out/mutant" and show == "parcours mutate lift --only m1 --list"
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from parcours.study.mutation.results import MutationResults
     from parcours.study.mutation.running import MutationRequest
     from parcours.study.protocol import Study
+    from parcours.study.reproducing import Reruns
 
 
 @formerly({"--no-data": "--no-data-oracles", "--of": "--target", "--paths": "--criterion", "--twin": "--twin-cases"})
@@ -69,9 +70,10 @@ def command(
     from parcours.study.finding import find
     from parcours.study.gate import check_condition, parse_condition
     from parcours.study.journal import discard
-    from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, sources_of
+    from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, repeat, sources_of
     from parcours.study.mutation.suites import COMPARED, WHOLE, Suite, with_suite
     from parcours.study.parameters import pairs_of, settings_of
+    from parcours.study.reproducing import Reruns
 
     found = [find(one) for one in studies]
     suite = Suite(paths, combine, not no_data)
@@ -123,7 +125,9 @@ def command(
     if html is not None:
         asked = ["parcours", "mutate", *studies, "--target", target, "--seed", str(seed)]
         asked += [word for given in settings for word in ("--set", given)]
-        _write_page(results, out, html, asked)
+        with progress() as report:
+            repeated = Reruns("noticed mutants") if interrupted else repeat(found, request, out, report)
+        _write_page(results, out, html, asked, repeated)
     if interrupted:
         _interrupted()
     failed = False
@@ -134,7 +138,7 @@ def command(
         raise click.exceptions.Exit(1)
 
 
-def _write_page(results: MutationResults, out: Path, html: Path, asked: Sequence[str]) -> None:
+def _write_page(results: MutationResults, out: Path, html: Path, asked: Sequence[str], repeated: Reruns) -> None:
     from parcours.report.page import to_html
     from parcours.report.writing import write_text
     from parcours.study.journal import read_question
@@ -143,7 +147,8 @@ def _write_page(results: MutationResults, out: Path, html: Path, asked: Sequence
 
     document = read_question(out)
     seed = str(cast("dict[str, object]", document["question"])["seed"])
-    write_text(html, to_html(mutation_page(results, texts(document.get("made")) | {"seed": seed}, asked)))
+    made = texts(document.get("made")) | {"seed": seed}
+    write_text(html, to_html(mutation_page(results, made, asked, repeated)))
     click.echo(f"wrote {html}", err=True)
 
 

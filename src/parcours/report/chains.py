@@ -46,7 +46,7 @@ def waterfall(title: str, chain: Chain, limits: Sequence[int] = (), note: str = 
                 panel.vlines(end, heights[k], heights[k + 1], color=colour, linewidth=0.8)
             for k, (begin, time) in enumerate(zip(begins, [*row, ends[-1]], strict=True)):
                 panel.annotate(f"{time:.3g}", (begin + time, heights[k]), xytext=(4, 0), va="center",
-                               textcoords="offset points", color=INK, fontsize=7.5)  # fmt: skip
+                               textcoords="offset points", color=INK, fontsize=8.5)  # fmt: skip
         for limit in limits:
             panel.axvline(limit * 1e-6, color=MUTED, linewidth=1.0, linestyle="--")
         set_rows(panel, names)

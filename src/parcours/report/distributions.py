@@ -82,7 +82,7 @@ def _ruler(panel: Axes, marks: Sequence[tuple[float, float]]) -> None:
     for k, (share, value) in enumerate(marks):
         panel.annotate(
             percent(share), (value, 0.5), xycoords=line, textcoords="offset points",
-            xytext=(0, -9 if k % 2 else 9), ha="center", va="top" if k % 2 else "bottom", fontsize=8.0, color=MUTED,
+            xytext=(0, -9 if k % 2 else 9), ha="center", va="top" if k % 2 else "bottom", fontsize=8.5, color=MUTED,
         )  # fmt: skip
     panel.tick_params(axis="y", labelleft=False)
     panel.grid(visible=False)

@@ -123,6 +123,7 @@
     });
     const said = document.createElementNS(svg.namespaceURI, "desc");
     said.append(note);
+    copy.style.minWidth = "";
     copy.prepend(said);
     return new XMLSerializer().serializeToString(copy);
   }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import itertools
+import math
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -37,6 +38,10 @@ from parcours.report.pieces import (
 
 if TYPE_CHECKING:
     from jinja2 import Template
+
+
+READABLE = 11.0
+"""The smallest text of a drawing on a page; a drawing that would need less is scrolled in its frame [CSS px]."""
 
 
 def to_html(page: Page) -> str:
@@ -114,7 +119,18 @@ def _adopted(figure: Figure, number: int) -> Markup:
     prefix = f"f{number}-"
     svg = re.sub(r'(?<=\sid=")', prefix, svg)
     svg = re.sub(r'(?<=url\(#)|(?<=href="#)(?!taken_)', prefix, svg)
+    if least := _least_width(svg):
+        svg = svg.replace("<svg ", f'<svg style="min-width: {least}px" ', 1)
     return Markup(svg)
+
+
+def _least_width(svg: str) -> int:
+    """Return how wide a drawing must be for its smallest text to be READABLE [CSS px]; 0 if that is not known."""
+    box = re.match(r'<svg [^>]*?\bviewBox="\S+ \S+ ([\d.]+) ', svg)
+    sizes = re.findall(r'\bfont(?:-size)?[:=]"?\s*(?:[\w-]+\s+)?([\d.]+)(?:px)?\b', svg)
+    if box is None or not sizes:
+        return 0
+    return math.ceil(READABLE * float(box[1]) / min(map(float, sizes)))
 
 
 def _bare(svg: str) -> str:

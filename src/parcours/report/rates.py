@@ -99,10 +99,10 @@ def shares(
                     range(len(parts)), width, left=left, height=0.68, color=colour, label=name,
                     edgecolor=PAPER, linewidth=1.0,
                 )  # fmt: skip
-                for row in (int(i) for i in np.flatnonzero(width >= 0.035)):
+                for row in (int(i) for i in np.flatnonzero(width >= 0.045)):
                     panel.text(
                         left[row] + width[row] / 2, row, f"{width[row]:.1%}", ha="center", va="center",
-                        color=label_ink(colour), fontsize=8.5 if width[row] >= 0.06 else 7.0,
+                        color=label_ink(colour), fontsize=8.5,
                     )  # fmt: skip
             set_rows(panel, list(parts))
             panel.set_xlim(0.0, 1.0)

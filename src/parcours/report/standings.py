@@ -86,7 +86,7 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
                 share = float(shares[row, column])
                 colour = _tint(share / largest)
                 panel.barh(row, 0.94, height=0.88, left=column - 0.47, color=colour, linewidth=0)
-                panel.text(column, row, f"{share:.1%}", ha="center", va="center", color=label_ink(colour), fontsize=8.0)
+                panel.text(column, row, f"{share:.1%}", ha="center", va="center", color=label_ink(colour), fontsize=8.5)
                 words.append(f"{names[row]} over {names[column]} {share:.1%}")
         panel.set_xticks(range(n), [_short(name) for name in names], color=INK)
         set_rows(panel, names)

@@ -266,7 +266,11 @@ function generating(view, path) {
 function show(into, drawings) {
   into.replaceChildren(...drawings.map((one) => {
     const picture = new DOMParser().parseFromString(one.svg, "image/svg+xml").documentElement;
-    return el("div", { class: "drawing", tabindex: "0", role: "group", "aria-label": one.title }, document.importNode(picture, true));
+    const svg = document.importNode(picture, true), sized = [svg, ...svg.querySelectorAll("[font-size]")];
+    const sizes = sized.map((each) => Number(each.getAttribute("font-size"))).filter(Boolean);
+    // so wide that its smallest text has 11 px; it is scrolled where there is no room
+    if (sizes.length) svg.style.minWidth = `${Math.ceil(11 * svg.viewBox.baseVal.width / Math.min(...sizes))}px`;
+    return el("div", { class: "drawing", tabindex: "0", role: "group", "aria-label": one.title }, svg);
   }));
 }
 

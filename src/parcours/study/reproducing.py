@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import TypeVar, cast
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.atomic import write_atomically
@@ -21,7 +21,52 @@ from parcours.study.protocol import Progress, Request
 from parcours.verdict.judgement import Verdict
 
 FILE = "reproduced.json"
+SAMPLE = 5
+"""Mutants, or cases under faults, that are run again for a page."""
+
 _NAMED = 20
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Reruns:
+    """How many of a sample gave the same verdict and facts when they were run again.
+
+    >>> str(Reruns("noticed mutants", 5, 5, 37))
+    '5 of 5 gave the same verdict and facts (5 of 37 noticed mutants were run again)'
+    """
+
+    what: str  # plural
+    equal: int = 0
+    tried: int = 0
+    among: int = 0  # how many the sample was drawn from
+
+    @property
+    def differing(self) -> int:
+        """How many came out otherwise."""
+        return self.tried - self.equal
+
+    def __str__(self) -> str:
+        if not self.tried:
+            return f"there were no {self.what} to run again"
+        said = f"{self.equal} of {self.tried} gave the same verdict and facts"
+        return f"{said} ({self.tried} of {self.among} {self.what} were run again)"
+
+    def warning(self) -> tuple[str, ...]:
+        """Return a sentence on what came out otherwise; none if nothing did."""
+        if not self.differing:
+            return ()
+        return (f"Not reproducible: {self.differing} of {self.tried} {self.what} came out otherwise when run again.",)
+
+
+def spread(items: Sequence[T], most: int = SAMPLE) -> list[T]:
+    """Return at most that many of the items, evenly spaced.
+
+    >>> spread("abcdefgh", 3)
+    ['a', 'c', 'f']
+    """
+    n = min(most, len(items))
+    return [items[k * len(items) // n] for k in range(n)]
 
 
 @dataclass(frozen=True, slots=True)

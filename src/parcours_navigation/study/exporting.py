@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,39 @@ _PIXELS = 480  # longer side of a GIF
 _PAPER, _INK, _OTHERS, _GOAL = "#ffffff", "#1c2430", "#8d939b", "#00805c"
 _FREE, _HALTED = "#0072b2", "#d55e00"
 _HEIGHT = 0.6  # of the bodies in Foxglove [m]
+
+
+def _object(**fields: object) -> dict[str, object]:
+    return {"type": "object", "properties": fields, "required": [*fields]}
+
+
+def _list(of: Mapping[str, object]) -> dict[str, object]:
+    return {"type": "array", "items": of}
+
+
+_NUMBER, _WHOLE, _FLAG, _WORD = ({"type": name} for name in ("number", "integer", "boolean", "string"))
+_POINT = _object(x=_NUMBER, y=_NUMBER, z=_NUMBER)
+_INK_OF = _object(r=_NUMBER, g=_NUMBER, b=_NUMBER, a=_NUMBER)
+_PLACED = _object(position=_POINT, orientation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER))
+_MOMENT = _object(sec=_WHOLE, nsec=_WHOLE)
+_ARROW = _object(pose=_PLACED, color=_INK_OF, shaft_length=_NUMBER, shaft_diameter=_NUMBER, head_length=_NUMBER,
+                 head_diameter=_NUMBER)  # fmt: skip
+_CYLINDER = _object(pose=_PLACED, size=_POINT, bottom_scale=_NUMBER, top_scale=_NUMBER, color=_INK_OF)
+_LINES = _object(type=_WHOLE, pose=_PLACED, thickness=_NUMBER, scale_invariant=_FLAG, points=_list(_POINT),
+                 color=_INK_OF, colors=_list(_INK_OF), indices=_list(_WHOLE))  # fmt: skip
+_ENTITY = _object(
+    timestamp=_MOMENT, frame_id=_WORD, id=_WORD, lifetime=_MOMENT, frame_locked=_FLAG,
+    metadata=_list(_object(key=_WORD, value=_WORD)), arrows=_list(_ARROW), cylinders=_list(_CYLINDER),
+    lines=_list(_LINES), **{name: _list(_object()) for name in ("cubes", "spheres", "triangles", "texts", "models")},
+)  # fmt: skip
+
+SCHEMAS = {
+    "/scene": ("foxglove.SceneUpdate", _object(deletions=_list(_object()), entities=_list(_ENTITY))),
+    "/robot": ("Robot", _object(x=_NUMBER, y=_NUMBER, heading=_NUMBER, speed=_NUMBER, halted=_FLAG)),
+    "/clearance": ("Clearance", _object(value=_NUMBER)),
+}
+"""Channels of an MCAP file, each with the name and the JSON schema of its messages: Foxglove plots fields that a
+schema names. The scene is as Foxglove's own schemas have it; what a replay never holds has no fields here."""
 
 
 def write_gif(replay: Replay, path: Path) -> None:
@@ -78,12 +112,10 @@ def write_mcap(replay: Replay, path: Path) -> None:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
-        channels = {
-            topic: writer.register_channel(
-                topic, "json", writer.register_schema(name, "jsonschema", b'{"type": "object"}')
-            )
-            for topic, name in (("/scene", "foxglove.SceneUpdate"), ("/robot", "Robot"), ("/clearance", "Clearance"))
-        }
+        channels = {}
+        for topic, (name, fields) in SCHEMAS.items():
+            schema = writer.register_schema(name, "jsonschema", json.dumps({"title": name} | fields).encode())
+            channels[topic] = writer.register_channel(topic, "json", schema)
         for k, time in enumerate(replay.times.tolist()):
             stamp = round(time * 1e9)
             robot = {"x": replay.x[k], "y": replay.y[k], "heading": replay.heading[k], "speed": speed[k]}
@@ -94,7 +126,7 @@ def write_mcap(replay: Replay, path: Path) -> None:
             if math.isfinite(clearance[k]):
                 said["/clearance"] = {"value": float(clearance[k])}
             for topic, message in said.items():
-                writer.add_message(channels[topic], stamp, json.dumps(message).encode(), stamp)
+                writer.add_message(channels[topic], stamp, json.dumps(message, allow_nan=False).encode(), stamp)
         writer.finish()  # type: ignore[no-untyped-call]
 
 

@@ -50,6 +50,10 @@ class RobotOutcome(StrEnum):
     """The case could not be computed to its end: an endless loop, or a process that hung or died."""
 
 
+UNWELCOME = (RobotOutcome.CONTACT, RobotOutcome.RUNS_ON, RobotOutcome.ERROR, RobotOutcome.COASTS, RobotOutcome.STUCK)
+"""Outcomes that a page lists, the worst first."""
+
+
 @dataclass(frozen=True, slots=True)
 class CaseOutcome:
     """What became of one case under one fault.

@@ -26,7 +26,7 @@ from parcours.study.protocol import FaultReport, FaultRequest, Progress
 from parcours.study.provenance import provenance
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import chosen
-from parcours_ramp.faults.judging import RobotOutcome
+from parcours_ramp.faults.judging import UNWELCOME, RobotOutcome
 from parcours_ramp.faults.running import WATCHED, FaultResults, FaultRow, run_faults
 from parcours_ramp.system.study import SCHEDULES
 
@@ -129,7 +129,7 @@ def fault_page(results: FaultResults) -> Page:
     n, m = len(results.numbers), len(results.rows) // max(len(results.t_goal), 1)
     facts = (
         ("seed", str(results.seed)), ("cases", ", ".join(map(str, results.numbers))), ("faults", str(m)),
-        ("watched", f"{WATCHED + 1.0:g} s"),
+        ("watched", f"{WATCHED + 1.0:g} s"), ("run again", str(results.repeated)),
     )  # fmt: skip
     *detailed, total = tables(results)
     lead = (
@@ -157,7 +157,8 @@ def _summary(results: FaultResults, causes: Sequence[Cause], n_faults: int) -> S
     return Summary(
         f"**RAMP** ran under {n_faults} faults, one at a time, as {' and as '.join(results.t_goal)}.",
         f"It was unsafe in {unsafe} of {len(struck)} struck runs.", "bad" if unsafe else "good",
-        tuple(f"{cause.count} faults: [{cause.words}](#cause_{k})." for k, cause in enumerate(causes[:3], 1)),
+        (*results.repeated.warning(),
+         *(f"{cause.count} faults: [{cause.words}](#cause_{k})." for k, cause in enumerate(causes[:3], 1))),
         "Start with [the first fault of the list](#failures), and run its command." if causes
         else "Every fault was survived or answered by a stop.",
     )  # fmt: skip
@@ -166,8 +167,7 @@ def _summary(results: FaultResults, causes: Sequence[Cause], n_faults: int) -> S
 def _causes(results: FaultResults) -> tuple[Cause, ...]:
     """Return the faults of each unwelcome outcome, the worst outcome first."""
     found = []
-    for outcome in (RobotOutcome.CONTACT, RobotOutcome.RUNS_ON, RobotOutcome.ERROR, RobotOutcome.COASTS,
-                    RobotOutcome.STUCK):  # fmt: skip
+    for outcome in UNWELCOME:
         rows = []
         for row in results.rows:
             cases = [one.number for one in row.outcomes if one.outcome is outcome]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, HostFailure, require_known
 from parcours.run.faults import FaultPlan
 from parcours.run.workers import Crew, Done, Lost, failure_of
+from parcours.study.reproducing import Reruns, spread
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import CatalogueEntry
-from parcours_ramp.faults.judging import CaseOutcome, RobotOutcome, judge
+from parcours_ramp.faults.judging import UNWELCOME, CaseOutcome, RobotOutcome, judge
 from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
@@ -27,6 +28,7 @@ from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 WATCHED = 39.0  # A case is watched for this long after its static second [s], twice as long as the paper's
 SOON = 25.0  # A case goes well if the goal is reached by then [s]: the rest of the time is for what a fault delays
 PATIENCE = 120.0  # A case that takes longer has hung [s of wall clock]; one takes about a second
+_AGAIN = "struck cases"  # a few are run again, of those that ended badly if there are any
 _BLOCK, _MOST = 64, 4096  # Cases are looked at by blocks, and at most this number of cases
 
 
@@ -47,6 +49,7 @@ class FaultResults:
     numbers: tuple[int, ...]
     rows: tuple[FaultRow, ...]
     t_goal: dict[str, tuple[int, ...]]
+    repeated: Reruns = field(default_factory=lambda: Reruns(_AGAIN))
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +156,23 @@ def run_faults(
             else:
                 raise failure_of(f"case {number}", answer)
             progress("cases under a fault", done, len(trials))
+        repeated = _repeated(crew, trials, found)
     rows = []
     for place, (schedule, entry) in enumerate((schedule, entry) for schedule in schedules for entry in entries):
         outcomes = found[place * cases : (place + 1) * cases]
         rows.append(FaultRow(schedule, entry, tuple(one for one in outcomes if one is not None)))
-    return FaultResults(seed, numbers, tuple(rows), dict(zip(schedules, times, strict=True)))
+    return FaultResults(seed, numbers, tuple(rows), dict(zip(schedules, times, strict=True)), repeated)
+
+
+def _repeated(crew: Crew[CaseOutcome], trials: Sequence[Trial], found: Sequence[CaseOutcome | None]) -> Reruns:
+    """Run a few struck cases again, of those that ended badly if there are any: is all that became of them the same?
+
+    Those whose process hung or died are left out: they have no facts.
+    """
+    idle = (RobotOutcome.NOT_STRUCK, RobotOutcome.ERROR)
+    ended = {k: one.outcome for k, one in enumerate(found) if one is not None and one.outcome not in idle}
+    bad = [k for k, outcome in ended.items() if outcome in UNWELCOME]
+    again = spread(bad or list(ended))
+    crew.pending.extend((k, (trials[k],)) for k in again)
+    equal = sum(isinstance(answer, Done) and answer.result == found[k] for k, answer in crew.answers())
+    return Reruns(_AGAIN, equal, len(again), len(ended))

@@ -118,4 +118,4 @@ def _move(results: DelayResults, schedule: str, delay: str, question: str) -> st
 
 def interval(rate: Rate) -> str:
     """Return a share and its interval in per cent."""
-    return f"{100 * rate.share:.1f}\u00a0[{100 * rate.low:.1f},\u00a0{100 * rate.high:.1f}]"
+    return f"{100 * rate.share:.1f} [{100 * rate.low:.1f},\u00a0{100 * rate.high:.1f}]"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -25,9 +24,11 @@ from parcours.study.components.messages import ModelMessages
 from parcours.study.components.running import functional_here
 from parcours.study.components.systems import System
 from parcours.study.components.tester import Wrapped
+from parcours.study.mutation.twin import print_of
 from parcours.study.parameters import Settings
 from parcours.study.protocol import FaultReport, FaultRequest, Progress
 from parcours.study.provenance import provenance
+from parcours.study.reproducing import Reruns, spread
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -51,6 +52,19 @@ class Strike:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class StruckCase:
+    """What became of a case in which a fault struck."""
+
+    case: Case
+    judgement: Judgement
+    sent: bytes  # digest of its messages; empty if its process hung or died
+
+
+FaultCounts = tuple[str, int, int, int, str]
+"""Fault, cases struck, noticed, unnoticed; the first reason."""
+
+
 def catalogue(study: ComponentStudy) -> list[Strike]:
     """Return what can go wrong: each message that some transition receives, and each component."""
     from parcours.study.components.components_file import incoming
@@ -64,7 +78,7 @@ def catalogue(study: ComponentStudy) -> list[Strike]:
 
 
 def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> FaultReport:
-    """Execute cases under each fault and say which were noticed.
+    """Execute cases under each fault and say which were noticed; a few that noticed one are executed again.
 
     Raises BadRequest: the study has a tester of its own, or no fault is chosen.
     """
@@ -78,11 +92,14 @@ def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> 
     lines = tuple(map(str, chosen))
     if request.listed:
         return FaultReport(lines)
-    rows = []
+    rows, noticed = [], []
     for done, fault in enumerate(chosen):
         progress("faults", done, len(chosen))
-        rows.append(_row(study, fault, request))
+        struck = list(_struck_cases(study, fault, list(_cases(study, fault, request)), request))
+        rows.append(_row(fault, struck))
+        noticed += [(fault, one) for one in struck if not one.judgement.passed]
     progress("faults", len(chosen), len(chosen))
+    repeated = _repeated(study, noticed, request)
     counts = (Column(name, ",d") for name in ("cases struck", "noticed", "unnoticed"))
     columns = (Column("fault", code=True), *counts, Column("first reason"))
     note = (
@@ -92,12 +109,12 @@ def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> 
     table = Table(f"Faults on purpose, {study.name}", columns, tuple(rows), note)
     keys = ("fault", "struck", "noticed", "unnoticed", "why")
     document = {"study": study.name, "faults": [dict(zip(keys, row, strict=True)) for row in rows]}
-    return FaultReport(lines, (table,), _fault_page(study, rows, table, request), document)
+    return FaultReport(lines, (table,), _fault_page(study, rows, table, request, repeated), document)
 
 
 def _fault_page(
-    study: ComponentStudy, rows: Sequence[tuple[str, int, int, int, str]], table: Table, request: FaultRequest
-) -> Page:
+    study: ComponentStudy, rows: Sequence[FaultCounts], table: Table, request: FaultRequest, repeated: Reruns
+) -> Page:  # fmt: skip
     """Return the page: which faults nobody noticed, and the table of all."""
     struck = [row for row in rows if row[1]]
     unseen, partly = [row for row in struck if not row[2]], [row for row in struck if row[2] and row[3]]
@@ -114,7 +131,8 @@ def _fault_page(
         for words, mine in groups.items() if mine
     )  # fmt: skip
     idle = len(rows) - len(struck)
-    facts = [f"{len(mine)} faults: [{words}](#cause_{k})." for k, (words, mine) in
+    facts = [*repeated.warning()]
+    facts += [f"{len(mine)} faults: [{words}](#cause_{k})." for k, (words, mine) in
              enumerate(((words, mine) for words, mine in groups.items() if mine), 1)]  # fmt: skip
     facts += [f"{idle} faults struck no case: nothing that they could hit was sent."] if idle else []
     seen = len(struck) - len(unseen)
@@ -127,49 +145,57 @@ def _fault_page(
     )  # fmt: skip
     lead = "A fault that no case notices is one that neither the components refuse nor the oracles see."
     listed = Section("Faults that were not noticed", lead, (Failures("Faults", causes, what="fault"),), "failures")
-    facts_of = (*provenance().items(), ("study", study.name), ("seed", str(request.seed)))
+    facts_of = (*provenance().items(), ("study", study.name), ("seed", str(request.seed)),
+                ("run again", str(repeated)))  # fmt: skip
     sections = (*((listed,) if causes else ()), Section("Faults", "", (table,), "faults"))
     return Page(f"{study.name} under faults", "", facts_of, sections, summary)
 
 
-def _row(study: ComponentStudy, fault: Strike, request: FaultRequest) -> tuple[str, int, int, int, str]:
-    cases = list(_cases(study, fault, request.seed, request.cases))
-    verdicts: Counter[bool] = Counter()
-    why = ""
-    for judgement, struck in _judged(study, fault, cases, request.settings, request.seed):
-        if not struck:
-            continue
-        verdicts[judgement.passed] += 1
-        why = why or ("" if judgement.passed else judgement.why)
-    return str(fault), sum(verdicts.values()), verdicts[False], verdicts[True], why
+def _row(fault: Strike, struck: Sequence[StruckCase]) -> FaultCounts:
+    whys = [one.judgement.why for one in struck if not one.judgement.passed]
+    return str(fault), len(struck), len(whys), len(struck) - len(whys), next(filter(None, whys), "")
 
 
-def _cases(study: ComponentStudy, fault: Strike, seed: int, most: int) -> Iterator[Case]:
+def _repeated(
+    study: ComponentStudy, noticed: Sequence[tuple[Strike, StruckCase]], request: FaultRequest
+) -> Reruns:  # fmt: skip
+    """Execute a few of the cases that noticed their fault again: is what was sent, and the verdict, the same?"""
+    again = spread(noticed)
+    equal = sum([one] == list(_struck_cases(study, fault, [one.case], request)) for fault, one in again)
+    return Reruns("cases that noticed a fault", equal, len(again), len(noticed))
+
+
+def _cases(study: ComponentStudy, fault: Strike, request: FaultRequest) -> Iterator[Case]:
     """Return the first cases in which the fault can strike."""
 
     def is_struck(event: Event) -> bool:
         channel = event.receives.channel if event.receives is not None else None
         return event.component == fault.component and fault.channel in ("", channel)
 
-    cases = (case for case in study.plan(seed).cases() if any(map(is_struck, study.events(case))))
-    return islice(cases, most)
+    cases = (case for case in study.plan(request.seed).cases() if any(map(is_struck, study.events(case))))
+    return islice(cases, request.cases)
 
 
-def _judged(
-    study: ComponentStudy, fault: Strike, cases: Sequence[Case], settings: Settings, seed: int
-) -> Iterator[tuple[Judgement, bool]]:
-    """Yield the verdict of each case, and whether the fault struck in it."""
+def _struck_cases(
+    study: ComponentStudy, fault: Strike, cases: Sequence[Case], request: FaultRequest
+) -> Iterator[StruckCase]:  # fmt: skip
+    """Execute cases under a fault, and yield those in which it struck."""
     by_id = {case.id: case for case in cases}
 
-    def work(id: str) -> tuple[Judgement, bool]:
+    def work(id: str) -> tuple[Judgement, bytes, bool]:
         assert study.system is not None
-        system = _Striking(study.system, fault, study.messages, seed)
+        system = _Striking(study.system, fault, study.messages, request.seed)
         faulty = dataclasses.replace(study, system=system)
         faulty.__dict__["abstracts"] = study.abstracts  # what was derived from the model stays as it is
-        return functional_here(faulty, by_id[id], settings).judgement, system.struck
+        run = functional_here(faulty, by_id[id], request.settings)
+        return run.judgement, print_of(run.execution.trace, study.recorded), system.struck
 
-    for _, answer in run_apart(list(by_id), work, study.patience):
-        yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer), True)
+    for id, answer in run_apart(list(by_id), work, study.patience):
+        judgement, sent, struck = (
+            answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer), b"", True)
+        )
+        if struck:
+            yield StruckCase(by_id[id], judgement, sent)
 
 
 class _Striking:

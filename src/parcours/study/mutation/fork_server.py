@@ -84,12 +84,13 @@ class MutantOutcome:
     at: Mapping[str, int] = field(default_factory=dict)  # stage -> the place of that case in the suite, from 0
     suite: int = 0  # how many cases the suite has
     sound: int = 0  # how many of them the original passes; the others notice nothing
+    facts: str = ""  # digest of all that was sent, or of the facts, in those cases; empty if the model was changed
 
     def joined(self, other: MutantOutcome) -> MutantOutcome:
         """Return what became of the mutant in the cases of two studies."""
         end = other.end if self.end == "ended" else self.end
         seen, at = {**other.seen, **self.seen}, {**other.at, **self.at}
-        return MutantOutcome(end, seen, self.cases + other.cases, at, self.suite, self.sound)
+        return MutantOutcome(end, seen, self.cases + other.cases, at, self.suite, self.sound, self.facts + other.facts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,16 +229,17 @@ class Bench:
         strike = self._strikes[self._build.built[number - 1]]
         assert isinstance(self.subject, Components)
         seen: dict[str, tuple[str, str]] = {}
-        ran = 0
+        ran, sent = 0, hashlib.sha256()
         for case, original in zip(self._cases, self._originals, strict=True):
             found = self.subject.struck(case, strike)
             if found is None:
                 continue
             ran += 1
+            sent.update(found.print)
             self._note(case, original, found, seen)
             if len(seen) == len(self.subject.stages) + 1:
                 break
-        return MutantOutcome("ended", seen, ran)
+        return MutantOutcome("ended", seen, ran, facts=_short(sent))
 
     def _note(
         self, case: Case, original: CaseObservation, found: CaseObservation, seen: dict[str, tuple[str, str]]
@@ -252,12 +254,13 @@ class Bench:
         """Run a mutant until every stage has seen it, or in all cases; one that shows nothing in more of them."""
         seen: dict[str, tuple[str, str]] = {}
         at: dict[str, int] = {}
-        ran, place = 0, self._place(number)
+        ran, place, sent = 0, self._place(number), hashlib.sha256()
         for k, (case, original) in enumerate(zip(self._cases, self._originals, strict=True)):
             if place not in original.places:
                 continue
             ran += 1
             found = self.subject.observe(case, number, allowed(original))
+            sent.update(found.print)
             had_effect = TWIN in seen
             self._note(case, original, found, seen)
             if not found.ended:
@@ -265,7 +268,7 @@ class Bench:
                 seen = {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}
             at = {stage: at.get(stage, k) for stage in seen}
             if not found.ended:
-                return MutantOutcome("timeout", seen, ran, at, len(self._cases), self._sound)
+                return MutantOutcome("timeout", seen, ran, at, len(self._cases), self._sound, _short(sent))
             if TWIN in seen and not had_effect:
                 seen[TWIN] = (case.id, self.subject.difference(case, number, allowed(original))[:_LONG])
             if len(seen) == len(self.subject.stages) + 1:
@@ -279,10 +282,14 @@ class Bench:
                 if self.subject.observe(case, number, rounds, judged=False).print != original.print:
                     seen[TWIN] = (case.id, self.subject.difference(case, number, rounds)[:_LONG])
                     break
-        return MutantOutcome("ended", seen, ran, at, len(self._cases), self._sound)
+        return MutantOutcome("ended", seen, ran, at, len(self._cases), self._sound, _short(sent))
 
     def _place(self, number: int) -> int:
         return self._places[place_of(self._build.built[number - 1])]
+
+
+def _short(digest: hashlib._Hash) -> str:
+    return digest.hexdigest()[:16]
 
 
 def install(build: Build) -> Sources:

@@ -15,6 +15,7 @@ from parcours.study.mutation.fork_server import Kind, MutantOutcome
 from parcours.study.mutation.mutant import Mutant
 from parcours.study.mutation.observing import CASES, CHECK, CONFORMANCE, STAGES, TWIN
 from parcours.study.protocol import Measure
+from parcours.study.reproducing import Reruns
 
 _NOTE = (
     "A mutant has an effect if some stage or the golden twin saw it: the twin compares the bytes of all that is sent"
@@ -34,7 +35,7 @@ def outcome_of(entry: Mapping[str, object]) -> MutantOutcome:
     return MutantOutcome(
         str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])),
         dict(cast("Mapping[str, int]", entry.get("at", {}))), int(cast(int, entry.get("suite", 0))),
-        int(cast(int, entry.get("sound", 0))),
+        int(cast(int, entry.get("sound", 0))), str(entry.get("facts", "")),
     )  # fmt: skip
 
 
@@ -137,17 +138,23 @@ class MutationResults:
         return {"seen_by": self.seen_by(outcome)} if outcome is not None and set(outcome.seen) == {TWIN} else {}
 
 
-def mutation_page(found: MutationResults, made: Mapping[str, str], command: Sequence[str] = ()) -> Page:
+def mutation_page(
+    found: MutationResults, made: Mapping[str, str], command: Sequence[str], repeated: Reruns
+) -> Page:  # fmt: skip
     """Return the page on mutants: what the tests notice, the mutants that they do not, the tables.
 
-    `made` says where the results come from (`parcours.study.provenance`), `command` runs them again.
+    Args:
+        made: where the results come from (`parcours.study.provenance`).
+        command: runs them again.
+        repeated: what became of noticed mutants that were run again.
     """
     effective, survivors = found.effective(), found.survivors()
     n, lost, planned = len(effective), len(survivors), len(found.mutants)
     verdict = f"They noticed {n - lost} of {n} mutants that have an effect{f' ({(n - lost) / n:.1%})' if n else ''}."
     tone: Tone = "poor" if lost or not n else "good"
     by_stage = {stage: sum(stage in one.seen for _, one in effective) for stage in found.stages if stage != TWIN}
-    facts = [f"{len(found.outcomes)} of {planned} mutants ran; {len(found.outcomes) - n} have no effect that shows."]
+    facts = [*repeated.warning()]
+    facts += [f"{len(found.outcomes)} of {planned} mutants ran; {len(found.outcomes) - n} have no effect that shows."]
     if by_stage and n:
         best = max(by_stage, key=lambda stage: by_stage[stage])
         facts.append(f"*{best}* notices most: {by_stage[best]} of {n}.")
@@ -168,7 +175,7 @@ def mutation_page(found: MutationResults, made: Mapping[str, str], command: Sequ
         Section("Mutants that survived", lead, (Failures("Survivors", tuple(causes), what="mutant"),), "failures")
     ]
     return Page(
-        f"Mutants of {found.study}", "", tuple(made.items()),
+        f"Mutants of {found.study}", "", (*made.items(), ("run again", str(repeated))),
         (*(listed if causes else ()), Section("Scores", "", tuple(found.tables()), "scores")),
         Summary(f"The tests of **{found.study}** were tested with small changes of its {found.of}.", verdict, tone,
                 tuple(facts), advice),

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.campaign import terminable
 from parcours.study.components.study import ComponentStudy
-from parcours.study.journal import Journal, write_question
+from parcours.study.journal import Journal, read_journal, write_question
 from parcours.study.mutation.fork_server import Build, Kind, MutantOutcome, Refused, Report, judge_mutants
 from parcours.study.mutation.models import model_mutants
 from parcours.study.mutation.mutant import Mutant, sampled
-from parcours.study.mutation.observing import strikes_of
+from parcours.study.mutation.observing import TWIN, strikes_of
 from parcours.study.mutation.results import MutationResults, entry_of, outcome_of
 from parcours.study.mutation.source import Sources, modules_of
 from parcours.study.mutation.suites import WHOLE, Suite
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Progress
+from parcours.study.reproducing import Reruns, spread
 
 if TYPE_CHECKING:
     from parcours.study.protocol import Study
@@ -119,6 +120,49 @@ def mutate(
     return MutationResults(" and ".join(one.name for one in studies), request.of, tuple(mutants), outcomes), interrupted
 
 
+def repeat(studies: Sequence[Study], request: MutationRequest, out: Path, progress: Progress) -> Reruns:
+    """Run a few of the noticed mutants of a folder again, and compare what became of them with what was kept.
+
+    A mutant that hung, or whose process died, is left out: what it was doing then depends on the clock.
+    """
+    sources = sources_of(studies[0], request.of)
+    mutants = mutants_of(studies[0], sources, request)
+    tried, equal, among = 0, 0, 0
+    with terminable():
+        for study, settings in zip(studies, request.settings, strict=True):
+            folder = out if study is studies[0] else out / study.name
+            kept = {id: outcome_of(entry) for id, entry in read_journal(folder).items()}
+            built = tuple(one.id for one in mutants if one.id in kept and kept[one.id].end != "refused")
+            noticed = [id for id in built if kept[id].end in ("ended", "timeout") and set(kept[id].seen) - {TWIN}]
+            again = spread(noticed)
+            found: dict[str, MutantOutcome] = {}
+
+            def heard(report: Report) -> None:
+                if not isinstance(report, Refused) and isinstance(report[1], MutantOutcome):
+                    found[report[0]] = report[1]  # noqa: B023
+                    progress("mutants run again", len(found), len(again))  # noqa: B023
+
+            if again:
+                suite = request.suite if study is studies[0] else WHOLE
+                build = _build(study, settings, suite, replace(request, twin=0), sources, built, folder)
+                judge_mutants(build, again, request.workers, heard)
+            tried, among = tried + len(again), among + len(noticed)
+            equal += sum(id in found and _same(kept[id], found[id]) for id in again)
+    return Reruns("noticed mutants", equal, tried, among)
+
+
+def _same(kept: MutantOutcome, found: MutantOutcome) -> bool:
+    return found == kept or (not kept.facts and replace(found, facts="") == kept)  # older folders have no facts
+
+
+def _build(
+    study: Study, settings: Settings, suite: Suite, request: MutationRequest, sources: Sources,
+    built: tuple[str, ...], kernels: Path,
+) -> Build:  # fmt: skip
+    return Build(request.of, study.where, dict(settings), request.seed, suite, request.cases, request.twin,
+                 tuple(sources.modules), *sources.model_names, built, kernels.absolute())  # fmt: skip
+
+
 def _judge(
     study: Study, settings: Settings, suite: Suite, request: MutationRequest, sources: Sources,
     mutants: Sequence[Mutant], journal: Journal, out: Path, progress: Progress,
@@ -131,9 +175,7 @@ def _judge(
         progress(what, len(mutants) - len(left), len(mutants))
         if not left:
             return
-        model = sources.model_names
-        build = Build(request.of, study.where, dict(settings), request.seed, suite, request.cases, request.twin,
-                      tuple(sources.modules), *model, built, out.absolute())  # fmt: skip
+        build = _build(study, settings, suite, request, sources, built, out)
         again = False
 
         def heard(report: Report) -> None:
