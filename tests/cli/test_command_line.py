@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from command_line import parcours_here
 from parcours.run.store import open_results
 
 ROOT = Path(__file__).parents[2]
@@ -20,12 +21,10 @@ DOMAINS = ROOT / "src/parcours_navigation/cases/domains.yaml"
 
 def parcours(*arguments: object, code: int = 0) -> str:
     """Run the command and return what it printed: standard output, or standard error if it is to be refused."""
-    done = subprocess.run(
-        [sys.executable, "-m", "parcours", *map(str, arguments)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == code, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stderr if code == 2 else done.stdout
+    ended, out, complaints = parcours_here(*arguments)
+    assert ended == code, complaints
+    assert "Traceback" not in complaints
+    return complaints if code == 2 else out
 
 
 def test_a_campaign_in_simulated_time_loads_nothing_that_it_does_not_need(tmp_path: Path) -> None:
@@ -82,13 +81,8 @@ def test_a_broken_model_is_reported_with_its_lines_and_code_2(tmp_path: Path) ->
     broken = tmp_path / "broken.yaml"
     text = MODEL.read_text().replace("guard: tcp_socket,", "guard: tcp_sockett,", 1)
     broken.write_text(text.replace("event: odometry(", "event: odometri("))
-    done = subprocess.run(
-        [sys.executable, "-m", "parcours", "model", "check", str(broken)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2 and done.stdout.count(f"{broken}:") > 1 and "error" in done.stdout
+    code, printed, _ = parcours_here("model", "check", broken)
+    assert code == 2 and printed.count(f"{broken}:") > 1 and "error" in printed
     assert "broken.yaml" in parcours("paths", broken, code=2)
 
 
@@ -223,3 +217,5 @@ def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_ref
 def test_the_package_runs_as_the_command_does() -> None:
     done = subprocess.run([sys.executable, "-m", "parcours", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("parcours, version ")
+    done = subprocess.run([sys.executable, "-m", "parcours", "nonsense"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "No such command" in done.stderr and "Traceback" not in done.stderr

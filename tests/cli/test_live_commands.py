@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from parcours.cli import main
+from command_line import parcours_here
 from parcours.run.recording import read_recording
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.node_program import RampCodec
@@ -67,23 +67,6 @@ def parcours(tmp_path: Path) -> Iterator[Callable[..., Command]]:
     yield begin
     for one in begun:
         one.clear()
-
-
-Here = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Here:
-    """Return what calls the command line in this process: exit code, output, complaints."""
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["parcours", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    return call
 
 
 def session_of(pid: int) -> list[int]:
@@ -139,7 +122,7 @@ SYSTEM = ("run", "ramp_system", "--host", "processes", "--schedule", "guarded", 
 
 
 def test_a_killed_run_keeps_what_was_finished_and_goes_on_from_there(
-    parcours: Callable[..., Command], here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    parcours: Callable[..., Command], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log, recordings = tmp_path / "out" / "live.jsonl", tmp_path / "out" / "recordings"
     second = recordings / "system-000001.mcap"
@@ -166,9 +149,9 @@ def test_a_killed_run_keeps_what_was_finished_and_goes_on_from_there(
     assert "all 3 cases are finished in out" in out and nobody_is_left(again.pid)
 
     monkeypatch.chdir(tmp_path)
-    code, out, complaint = here("judge", "out/recordings")
+    code, out, complaint = parcours_here("judge", "out/recordings")
     assert code == 0 and "3 of 3 recordings earn the verdict that was recorded" in out, complaint
-    code, _, complaint = here(*SYSTEM, "--seed", "9")
+    code, _, complaint = parcours_here(*SYSTEM, "--seed", "9")
     assert code == 2 and "results-other" in complaint and "seed" in complaint
 
 
@@ -180,14 +163,14 @@ def test_a_killed_run_keeps_what_was_finished_and_goes_on_from_there(
     (("run", "ramp_system", "--host", "processes", "--faults", "Planer: crash at 3 s", "--out", "out"), "fault-"),
 ])  # fmt: skip
 def test_what_cannot_be_done_is_refused_in_one_paragraph(
-    here: Here, arguments: tuple[str, ...], slug: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: tuple[str, ...], slug: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, _, complaint = here(*arguments)
+    code, _, complaint = parcours_here(*arguments)
     assert code == 2 and slug in complaint and complaint.count("parcours:") == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_study_whose_cases_are_not_in_real_time_has_no_host(here: Here) -> None:
-    code, _, complaint = here("run", "navigation", "--planner", "orca", "--host", "processes", "--out", "out")
+def test_a_study_whose_cases_are_not_in_real_time_has_no_host() -> None:
+    code, _, complaint = parcours_here("run", "navigation", "--planner", "orca", "--host", "processes", "--out", "out")
     assert code == 2 and "No such option" in complaint and "--host" in complaint

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from command_line import parcours_here
 from parcours.model import read_model
 from parcours.paths import measure
 
@@ -15,10 +14,9 @@ MODEL = Path(__file__).parents[2] / "src/parcours_ramp/components/model.yaml"
 
 def parcours(*arguments: object, code: int = 0) -> tuple[str, str]:
     """Run the command and return what it wrote on standard output and on standard error."""
-    command = [sys.executable, "-m", "parcours", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == code and "Traceback" not in done.stderr, done.stderr
-    return done.stdout, done.stderr
+    ended, out, complaints = parcours_here(*arguments)
+    assert ended == code and "Traceback" not in complaints, complaints
+    return out, complaints
 
 
 def test_steps_are_json_lines_that_measure_as_the_summary_says() -> None:

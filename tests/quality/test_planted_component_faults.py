@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from parcours.kernels import Record
 from parcours.run.hosts.battery import ToyStep
 from parcours.run.port import Component, Step
+from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components import study
 from parcours_ramp.components.study import Functional, component_plan, interaction_cases, run_functional
@@ -27,6 +29,15 @@ Spoil = Callable[[Step], list[Step]]
 """What a faulty component does in place of a step."""
 
 
+@functools.cache
+def sound_cases(itp: str) -> tuple[Case, ...]:
+    """Return one row of every abstract case of an interaction path; they pass as long as nothing is spoilt."""
+    plan = component_plan()
+    cases = [plan.case(plan.number(id, 0)) for id, case in interaction_cases().items() if case.interaction.name == itp]
+    assert all(run_functional(case).judgement.passed for case in cases)
+    return tuple(cases)
+
+
 def run_spoiled(
     monkeypatch: pytest.MonkeyPatch, component: str, methods: tuple[str, ...], spoil: Spoil, itp: str
 ) -> list[Functional]:
@@ -40,9 +51,7 @@ def run_spoiled(
                     setattr(made, method, _spoilt(getattr(made, method), spoil))
             return made
 
-    plan = component_plan()
-    cases = [plan.case(plan.number(id, 0)) for id, case in interaction_cases().items() if case.interaction.name == itp]
-    assert all(run_functional(case).judgement.passed for case in cases)
+    cases = sound_cases(itp)
     monkeypatch.setattr(study, "ComponentTester", Spoilt)
     return [run_functional(case) for case in cases]
 
@@ -129,8 +138,7 @@ def test_a_path_that_comes_back_unmodified_is_found(monkeypatch: pytest.MonkeyPa
         paths = np.array([asked[-1].modification.first]).view(np.recarray)
         return message._replace(paths=paths)
 
-    plan = component_plan()
-    cases = [plan.case(plan.number(id, 0)) for id, c in interaction_cases().items() if c.interaction.name == "ITP3"]
+    cases = sound_cases("ITP3")
     monkeypatch.setattr(study, "ComponentTester", Lazy)
     all_fail([run_functional(case) for case in cases], "modification_response/")
     assert asked
@@ -255,8 +263,7 @@ def test_a_control_that_follows_another_trajectory_than_it_was_sent_is_found(mon
                 made.handle = deaf  # type: ignore[method-assign]
             return made
 
-    plan = component_plan()
-    cases = [plan.case(plan.number(id, 0)) for id, c in interaction_cases().items() if c.interaction.name == "ITP5"]
+    cases = sound_cases("ITP5")
     monkeypatch.setattr(study, "ComponentTester", Deaf)
     results = [run_functional(case) for case in cases]
     all_fail(results, "0 follow the last one")

@@ -10,17 +10,22 @@ import pytest
 from click.testing import CliRunner
 
 from parcours.cli import parcours
+from parcours.verdict.judgement import Judgement
 from parcours_ramp.planner import viewing
 from parcours_ramp.system import sampling
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.sampled_results import read_sampled
 from parcours_ramp.system.sampling import judge_sampled
-from parcours_ramp.system.study import SCHEDULES, system_study
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
-def test_sound_cases_pass_and_are_reported(schedule: str, tmp_path: Path) -> None:
-    arguments = ["run", "ramp_system", "--schedule", schedule, "--cases", "4", "--time-limit", "2", "--judged", "3"]
+def test_sound_cases_pass_and_are_reported(schedule: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_watched_on(study: SystemStudy, number: int) -> Judgement:
+        return judge_sampled(dataclasses.replace(study, watched_on=0.0), number)
+
+    monkeypatch.setattr(sampling, "judge_sampled", not_watched_on)
+    arguments = ["run", "ramp_system", "--schedule", schedule, "--cases", "4", "--time-limit", "1", "--judged", "3"]
     run = CliRunner().invoke(parcours, [*arguments, "--workers", "1", "--out", str(tmp_path)])
     assert {number: one["verdict"] for number, one in read_sampled(tmp_path).items()} == {"0": "pass", "3": "pass"}
     assert "Sampled cases" in run.output

@@ -252,10 +252,20 @@ def test_a_study_says_which_files_are_mutated(tmp_path: Path) -> None:
 
 
 def test_another_criterion_selects_other_cases(tmp_path: Path) -> None:
-    only = ("--only", "Cabin.__init__", "--operators", "off by one", "--twin-cases", "0", "examples/lift")
+    only = (
+        "--only",
+        "Cabin.__init__:2",
+        "--operators",
+        "off by one",
+        "--twin-cases",
+        "0",
+        "--cases",
+        "1",
+        "examples/lift",
+    )
     edge, pair = (outcomes(*only, "--criterion", name, out=tmp_path / name) for name in ("edge", "edge-pair"))
-    assert set(edge) == set(pair)
-    assert {"component cases", "golden twin"} <= set(pair["lift:Cabin.__init__:2:off-by-one"])
+    assert edge == {"lift:Cabin.__init__:2:off-by-one": ["component cases", "conformance", "golden twin"]}
+    assert pair == {"lift:Cabin.__init__:2:off-by-one": ["component cases", "golden twin"]}  # at its first step
 
 
 def test_mutants_that_die_or_never_end_are_noticed_and_cost_only_themselves(tmp_path: Path) -> None:
