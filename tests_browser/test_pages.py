@@ -40,9 +40,13 @@ from parcours_ramp.faults.reporting import SHOWN, fault_page
 from parcours_ramp.faults.running import FaultResults, FaultRow
 from whole_page import HOSTILE, whole_page
 
+LONG = "\u202e" + "\u05d0bc" * 100
+"""A name without a break, that says of itself that it runs from right to left."""
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TITLES = "[...document.querySelectorAll('h2, .piece > h3, .lead p, .cases .cause th')].map((one) => one.innerText)"
 UNFOLD = "for (const fold of document.querySelectorAll('details:not(.cases details)')) fold.open = true"
+AT = "document.querySelector('.cases tr:target').getBoundingClientRect().top"
 A4 = {"format": "A4", "margin": dict.fromkeys(("top", "bottom", "left", "right"), "15mm")}
 
 
@@ -81,6 +85,7 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("views")
     pages = {
         "hostile": whole_page(HOSTILE),
+        "long": whole_page(LONG),
         "campaign": reported(str(EXAMPLES / "parking"), 60, folder / "parking"),
         "components": reported(str(EXAMPLES / "lift"), 12, folder / "lift"),
         "robot": reported("ramp_system", 12, folder / "ramp"),
@@ -107,7 +112,8 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    "view", ["hostile", "campaign", "components", "robot", "binding", "compared", "faults", "mutants", "ramp-faults"]
+    "view",
+    ["hostile", "long", "campaign", "components", "robot", "binding", "compared", "faults", "mutants", "ramp-faults"],
 )
 def test_a_view_is_quiet_fits_its_screen_and_has_no_violation_of_axe(
     view: str, visit: Callable[..., Any], look_over: Callable[..., None], views: dict[str, str]
@@ -151,6 +157,23 @@ def test_filters_filter_sorting_sorts_and_a_link_shows_its_case(
         tab.evaluate("(anchor) => { location.hash = anchor; }", anchor)
         tab.wait_for_function("document.querySelectorAll('.cases details[open]').length === 1")
         assert wanted.is_visible() and wanted.locator("details code").is_visible()
+
+
+def test_a_stranger_finds_the_worst_case_and_a_colleague_opens_its_link(
+    visit: Callable[..., Any], views: dict[str, str]
+) -> None:
+    with visit(views["campaign"]) as tab:
+        tab.locator(".advice a").click()
+        worst = tab.locator(".cases tr:target")
+        name = worst.locator("td a").first.inner_text()
+        assert worst.bounding_box()["y"] < 100 and worst.locator("details code").first.is_visible()
+        assert f"parcours replay {Path(views['campaign'][7:]).parent / 'parking'} {name}" in tab.inner_text(".advice")
+        last = tab.locator(".cases tbody tr[id] td:first-child a").last
+        last.click()
+        link = tab.url
+    with visit(link, "phone") as colleague:
+        sent = colleague.locator(".cases tr:target")
+        assert colleague.evaluate(AT) < 100 and sent.locator("details code").first.is_visible()
 
 
 def test_a_table_is_saved_as_csv_and_a_figure_as_svg(

@@ -82,6 +82,10 @@ def canvas(
 
 def svg_of(figure: Canvas) -> str:
     """Return the chart as an <svg> element; the same bytes for the same chart."""
+    from matplotlib.text import Text
+
+    for label in figure.findobj(Text):
+        label.set_text(short(label.get_text()))
     text = io.StringIO()
     with warnings.catch_warnings():
         # text stays text: what our font lacks, the reader's has
@@ -121,9 +125,18 @@ def percent(value: float, _: float = 0.0) -> str:
     return f"{100.0 * value:g} %"
 
 
+def short(label: str) -> str:
+    """Return a label whose words are cut where they would leave a chart no room: what it says in words holds them.
+
+    >>> short("a" * 40 + " is long")
+    'aaaaaaaaaaaaaaaaaaaaaaaaaaaaa… is long'
+    """
+    return re.sub(r"(\S{29})\S{2,}", r"\1…", label)
+
+
 def set_rows(panel: Axes, names: Sequence[str]) -> None:
     """Let a panel hold one row a name, from top to bottom."""
-    panel.set_yticks(range(len(names)), names)
+    panel.set_yticks(range(len(names)), [short(name) for name in names])
     panel.set_ylim(len(names) - 0.5, -0.5)
 
 

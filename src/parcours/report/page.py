@@ -88,6 +88,7 @@ def _template() -> Template:
         inline=prose.inline_html,
         cells=_cells,
         spans=group_spans,
+        unbroken=lambda text: max(map(len, text.split()), default=0),
         sides=sides,
         json=lambda data: Markup(data.replace("<", "\\u003c")),  # so that no text can end the element
         still=lambda svg: Markup(_bare(svg)),

@@ -38,8 +38,8 @@ def report_page(families: Sequence[tuple[Study, Mapping[str, Results]]]) -> Page
     failing = tuple(failures(one, shown, len(found) > 1) for one in found if one.causes)
     if failing:
         lead = (
-            "Grouped by cause; search and filter above the table, sort by its heads. Each case has a link of its own, "
-            "to send on, and the commands that run it again."
+            "Grouped by cause. Search and filter above the table; click a heading to sort. Click the name of a case, "
+            "and the address of this page leads to that case: send it to a colleague. *Commands* run the case again."
         )
         sections.append(Section("Cases that did not pass", lead, failing, "failures"))
     sections += [
@@ -123,8 +123,10 @@ def _advice(found: Sequence[FolderSummary]) -> str:
     for one in found:
         for cause in one.causes:
             if cause.cases and cause.cases[0].commands:
-                words = "Look at" if cause.verdict is Verdict.INCONCLUSIVE else "Start with the worst case of"
-                first = f"{words} [{_plain(cause.words)[:160]}](#failures): `{cause.cases[0].commands[0]}`."
+                words = "Look at" if cause.verdict is Verdict.INCONCLUSIVE else "Start with the worst case,"
+                id = cause.cases[0].result.id
+                named = f"[{_plain(id)}](#case_{plain_anchor(id)})"
+                first = f"{words} {named}: `{cause.cases[0].commands[0]}`."
                 return f"{first} After a change, run the study into a new folder, and compare the two folders."
     one = found[0]
     if one.run:
