@@ -65,6 +65,7 @@ class Canaries:
         self._descriptors = [(number, _identity(number)) for number in descriptors]
         self._collect = gc.collect
         self._stray = False
+        gc.freeze()  # what came from the parent is never looked through, nor counted: a collection takes no time then
         self._settle()
 
     def accept(self) -> str:
@@ -87,8 +88,6 @@ class Canaries:
         self._threads = threading.active_count()
         if not _rounds():
             _reset_rounding()
-        if not gc.get_freeze_count():
-            gc.freeze()  # what came from the parent is never looked through: a collection takes no time then
         gc.collect()
 
     def after_case(self, *, failed: bool) -> str:

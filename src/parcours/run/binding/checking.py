@@ -123,6 +123,10 @@ class _Check:
                 rule = f"{channel.address} must have one type, but is bound as {other.type} and as {channel.type}"
                 remedy = f"line {other.line} binds it first"
                 self.add(channel.line, "binding-address", rule, remedy)
+            same = [one.name for one in self.binding.channels if one.role != "observe" and one.address == channel.address]
+            if channel.role == "observe" and same:
+                rule = f"{channel.address} must be listened to once, but is bound as {same[0]!r}, too"
+                self.add(channel.line, "binding-observed", rule, f"delete {channel.name!r}: traces have the other")
 
         for name, modelled in self.modelled.items():
             ends = [self.binding.process_of(end) for end in (modelled.sender, modelled.receiver)]

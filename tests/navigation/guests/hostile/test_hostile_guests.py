@@ -31,7 +31,7 @@ CASES = SystemCases(1)
 SHORT = Scenario(time_limit=0.6, call_timeout=0.25)
 N_TOGETHER = 8  # deeds in one campaign
 N_CASES = 3 * N_TOGETHER  # the second of every three is guilty
-PATIENCE, SHORTER = 5.0, 2.0  # for what is loaded, and for what is known not to come to an end [s]
+PATIENCE, SHORTER = 60.0, 2.0  # for what is loaded, and for what is known not to come to an end [s]
 LONGEST = 120.0  # a campaign of eight hostile cases takes some seconds; generous on a busy machine
 
 PLANNER = """
