@@ -155,6 +155,13 @@ BAD = [
     ),
     ("  ask: {service: /plan, type: nav_msgs/GetPlan, part: request}\n", "", 16, "at most one resp", "binding-service"),
     ("nav_msgs/GetPlan, part: request", "nav_msgs/GetMap, part: request", 17, "must have one type", "binding-address"),
+    (
+        "topic: /alarm, type: std_msgs/Bool",
+        "topic: /order, type: geometry_msgs/Twist",
+        21,
+        "'order', too",
+        "binding-observed",
+    ),
     ("position.x: robot.x", "position.x: robot.z", 15, "did you mean", "binding-unknown"),
     ("position.x: robot.x", "position.x: obstacle.x", 15, "'obstacle.x' is not", "binding-unknown"),
     ("pose.pose.position.x: robot", "pose..x: robot", 15, "a place is a path such as", "binding-place"),

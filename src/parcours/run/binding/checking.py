@@ -123,7 +123,8 @@ class _Check:
                 rule = f"{channel.address} must have one type, but is bound as {other.type} and as {channel.type}"
                 remedy = f"line {other.line} binds it first"
                 self.add(channel.line, "binding-address", rule, remedy)
-            same = [one.name for one in self.binding.channels if one.role != "observe" and one.address == channel.address]
+            same = [one.name for one in self.binding.channels if one.role != "observe"
+                    and (one.address, one.domain) == (channel.address, channel.domain)]  # fmt: skip
             if channel.role == "observe" and same:
                 rule = f"{channel.address} must be listened to once, but is bound as {same[0]!r}, too"
                 self.add(channel.line, "binding-observed", rule, f"delete {channel.name!r}: traces have the other")
