@@ -38,6 +38,7 @@ def processor() -> float:
 def wait(arguments: tuple[str, ...], cache: str | None = None) -> tuple[float, float, str]:
     """Return how long a command of `parcours` took [s], its processor time [s], and its standard error."""
     environment = {**os.environ, "PARCOURS_CACHE_DIR": cache} if cache else dict(os.environ)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # with it Python compiles our modules again at each start
     begun, used = time.perf_counter(), processor()
     done = subprocess.run([PROGRAM, *arguments], env=environment, capture_output=True, text=True, check=False)
     if done.returncode:

@@ -27,6 +27,20 @@ def parcours(*arguments: object, code: int = 0) -> str:
     return complaints if code == 2 else out
 
 
+def test_neither_loading_a_command_nor_its_end_looks_for_garbage() -> None:
+    program = (
+        "import atexit, gc, sys\n"
+        "looked = []\n"
+        "atexit.register(lambda: print('FROZEN', gc.get_freeze_count() > 0, 'LOOKED', looked.count('start')))\n"
+        "from parcours.cli import main\n"
+        "gc.callbacks.append(lambda phase, info: looked.append(phase))\n"
+        "sys.argv = ['parcours', 'run', 'ramp_system', '--help']\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1] == "FROZEN True LOOKED 0", done.stderr
+
+
 def test_a_campaign_in_simulated_time_loads_nothing_that_it_does_not_need(tmp_path: Path) -> None:
     program = (
         f"import sys; sys.argv = ['parcours', 'run', 'ramp_system', '--cases', '1', '--out', {str(tmp_path / 'o')!r}]\n"
