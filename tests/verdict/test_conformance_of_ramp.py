@@ -26,8 +26,8 @@ def timeless(schedule: str) -> SystemStudy:
 
 
 def test_no_component_case_deviates_in_what_it_takes_or_sends() -> None:
-    plan = component_plan(seed=7, rows=2)
-    assert plan.n_cases == 134
+    plan = component_plan(seed=7, rows=1)
+    assert plan.n_cases == 67
     for number in range(plan.n_cases):
         trace = run_functional(plan.case(number)).execution.trace
         for observes in ("transitions", "messages"):
