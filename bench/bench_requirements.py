@@ -104,7 +104,7 @@ def costs(cases: int) -> None:
     def paired(before: Callable[[], object], after: Callable[[], object], name: str) -> None:
         before(), after()
         gaps, base = [], []
-        for _ in range(9):
+        for _ in range(25):
             begun = time.thread_time()
             before()
             between = time.thread_time()
@@ -112,16 +112,19 @@ def costs(cases: int) -> None:
             base.append((between - begun) / cases * 1e6)
             gaps.append((time.thread_time() - between) / cases * 1e6)
         least, with_them = min(base), min(gaps)
-        share = 100 * (with_them / least - 1)
-        print(f"{name}: {least:.0f} us a case, with a dozen formulas {with_them:.0f} us ({share:+.1f} %)")
+        share, median = 100 * (with_them / least - 1), 100 * float(np.median(np.array(gaps) / np.array(base)) - 1)
+        print(f"{name}: {least:.0f} us a case, with a dozen formulas {with_them:.0f} us ({share:+.1f} %; "
+              f"median of pairs {median:+.1f} %)")  # fmt: skip
 
-    paired(lambda: plain(0, cases), lambda: judged(plain, asked)(0, cases), "planner in Python (orca)")
+    orca = judged(plain, asked)
+    paired(lambda: plain(0, cases), lambda: orca(0, cases), "planner in Python (orca)")
 
     def crawl(observation: object) -> tuple[float, float]:
         return 0.1, 0.0
 
     lone = NavigationStudy(crawl, SystemCases(1))
-    paired(lambda: lone(0, cases), lambda: judged(lone, asked)(0, cases), "planner that does nothing")
+    idle = judged(lone, asked)
+    paired(lambda: lone(0, cases), lambda: idle(0, cases), "planner that does nothing")
     ramp = system_study("guarded", seed=1)
     with_them = dataclasses.replace(ramp, requirements=asked)
     paired(lambda: ramp(0, cases), lambda: with_them(0, cases), "RAMP's own loop")

@@ -130,6 +130,22 @@ def test_strangers_with_too_many_processes_are_ended() -> None:
     assert lost.place == f"changed its process: it had more than {MOST_PROCESSES} processes at once"
 
 
+def _is_python_s_own(item: int) -> list[object]:
+    import types
+
+    return [hasattr(types, "FunctionType"), os.environ.get("PYTHONSAFEPATH")]
+
+
+def test_files_named_like_python_s_own_do_not_end_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("types", "random", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not the library')\n")
+    monkeypatch.chdir(tmp_path)
+    with contextlib.closing(Crew(_is_python_s_own, 1, strangers=True)) as crew:
+        crew.pending.append((0, (1,)))
+        assert list(crew.answers()) == [(0, Done([True, None]))]
+    assert "PYTHONSAFEPATH" not in os.environ
+
+
 def _prints_much(item: int) -> int:
     for _ in range(2000):
         sys.stdout.write("x" * 1_000_000)

@@ -250,6 +250,7 @@ os.wait(); os._exit(6)
     "hangs when it is deleted": ("class D:\n    def __del__(self):\n        while True: pass\nx = D(); x.me = x; del x", ANY),
     "exits when it is deleted": ("import os\nclass D:\n    def __del__(self): os._exit(8)\nx = D(); x.me = x; del x", DIED("ended with exit code 8")),
     "prints a lot": ("import os\nfor _ in range(300): os.write(1, b'x' * 100000)", SAME),
+    "prints without end": ("import os\nwhile True: os.write(2, b'x' * 100000)", CHANGED + "it printed more than 64 MB in one case"),
     # --- what it is shown
     "writes over the heartbeat": ("""
 from parcours.run import heartbeat

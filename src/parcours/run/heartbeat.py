@@ -130,6 +130,11 @@ def write_last_place(block: Any, text: str) -> None:
     memoryview(block).cast("B")[-_TEXT:] = _padded(text)
 
 
+def case_in(block: Any) -> float:
+    """Return the number of the case that a worker's memory holds; for who keeps that worker."""
+    return float(block[CASE])
+
+
 def _padded(text: str) -> bytes:
     return text.encode("utf-8", "replace")[: _TEXT - 1].ljust(_TEXT, b"\0")
 

@@ -5,7 +5,7 @@ parent ── keeper ── worker ── helpers that the code has started
              │ adopts the helpers that are orphaned; when the worker has ended, or the parent has, ends them all,
              │ and then ends as the worker did
              │ passes on what they print, up to a limit; nothing else that the parent has open reaches the worker
-             └ ends all of them, too, where they become too many
+             └ ends all of them, too, where they become too many or print too much
 
 So the parent sees how the worker ended whatever its helpers hold open, and what the code does to its parent process it
 does to the keeper. On Linux only.
@@ -32,6 +32,9 @@ resource: Any = importlib.import_module("resource") if os.name == "posix" else N
 
 MOST_PRINTED = 1 << 18
 """So much of what a worker and its helpers print is passed on [bytes]."""
+
+MOST_WRITTEN = 1 << 26
+"""A worker that prints more than this in one case is ended [bytes]: to read it all would take others' time."""
 
 MOST_PROCESSES = max(64, 4 * (os.cpu_count() or 1))
 """At most this many processes may descend from a worker at a time; those that nobody has waited for count, too."""
@@ -86,8 +89,9 @@ def _data_here() -> int:
 
 
 def keep(
-    lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[], None], say: Callable[[str], None]
-) -> NoReturn:
+    lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[], None], say: Callable[[str], None],
+    case: Callable[[], float],
+) -> NoReturn:  # fmt: skip
     """Do the work in a child of this process, and end with it, or when the other end of the lifeline is closed.
 
     Args:
@@ -96,6 +100,7 @@ def keep(
         memory: so much the child may have beside what it shares with this process, and each of its helpers, too [B].
         work: what the child does; the child ends without cleaning up, since what it would run then is the strangers'.
         say: says in words why the child was ended; this process then ends as one whose worker was tampered with.
+        case: number of the case at which the child is: what it may print is counted for each.
     """
     assert _LIBC is not None
     os.setpgid(0, 0)
@@ -126,11 +131,11 @@ def keep(
             os._exit(status)
     for descriptor in (*others, theirs):
         os.close(descriptor)
-    ended_as = _wait(child, lifeline, printed)
+    status, excess = _wait(child, lifeline, _Printed(printed, case))
     _end_children()
-    if ended_as is None:
-        say(f"{CHANGED}it had more than {MOST_PROCESSES} processes at once")
-    status = TAMPERED if ended_as is None else ended_as
+    if excess:
+        say(CHANGED + excess)
+        status = TAMPERED
     if status < 0:
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         with contextlib.suppress(OSError, ValueError):
@@ -178,38 +183,68 @@ def _take_away(needed: tuple[int, ...]) -> None:
     os.close(nothing)
 
 
-def _wait(child: int, lifeline: int, printed: int) -> int | None:
-    """Wait until the child ends, or end it when the lifeline does, or when there are too many processes.
+class _Printed:
+    """What a worker and its helpers print: passed on up to a limit, and counted for each case."""
 
-    Returns its exit status, negative for a signal; None if there were too many.
+    def __init__(self, pipe: int, case: Callable[[], float]) -> None:
+        os.set_blocking(pipe, False)
+        self.pipe, self._case, self._at = pipe, case, case()
+        self._left = MOST_PRINTED
+        self.written = 0
+        """How much has been printed in the case that goes on [bytes]."""
+        self.is_over = False
+        """Whether nobody can print any more."""
+
+    def pass_on(self, chunks: int) -> None:
+        """Read at most this many chunks, and pass on what there is room for."""
+        if (at := self._case()) != self._at:
+            self._at, self.written = at, 0
+        with contextlib.suppress(OSError):
+            for _ in range(0 if self.is_over else chunks):
+                said, left = os.read(self.pipe, _CHUNK), self._left
+                if not said:
+                    self.is_over = True
+                    return
+                self.written += len(said)
+                self._left = max(left - len(said), 0)
+                with contextlib.suppress(OSError):
+                    os.write(2, said[:left] if len(said) < left or not left else said[:left] + _LEFT_OUT)
+
+
+def _wait(child: int, lifeline: int, printed: _Printed) -> tuple[int, str]:
+    """Wait until the child ends, or end it when the lifeline does, or when it prints or forks too much.
+
+    Returns its exit status, negative for a signal, and of what there was too much, in words.
     """
     ended = os.pidfd_open(child)
-    os.set_blocking(printed, False)
     poll = select.poll()
-    for descriptor in (ended, lifeline, printed):
+    for descriptor in (ended, lifeline, printed.pipe):
         poll.register(descriptor, select.POLLIN)
-    left, counted, many = MOST_PRINTED, time.monotonic(), False
+    counted, excess = time.monotonic(), ""
     while True:
         ready = {descriptor for descriptor, _ in poll.poll(1000.0 * _LOOK)}
-        if printed in ready:
-            left = _pass_on(printed, left, 1)
-            if left < 0:
-                poll.unregister(printed)
-        if not many and time.monotonic() - counted >= _LOOK:
+        if printed.pipe in ready:
+            printed.pass_on(1)
+            if printed.is_over:
+                poll.unregister(printed.pipe)
+            if not excess and printed.written > MOST_WRITTEN:
+                excess = f"it printed more than {MOST_WRITTEN >> 20} MB in one case"
+                _kill(child)
+        if not excess and time.monotonic() - counted >= _LOOK:
             _wait_for_orphans(child)
             many, counted = _count_below(os.getpid(), MOST_PROCESSES + 1) > MOST_PROCESSES + 1, time.monotonic()
             if many:
+                excess = f"it had more than {MOST_PROCESSES} processes at once"
                 _kill(child)
         if lifeline in ready:
             _kill(child)
             poll.unregister(lifeline)
         if ended in ready:
-            if left >= 0:
-                _pass_on(printed, left, 16)
+            printed.pass_on(16)
             with contextlib.suppress(OSError):
                 os.killpg(child, signal.SIGKILL)  # before its number can be anybody else's
             status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-            return None if many else status
+            return status, excess
 
 
 def _kill(child: int) -> None:
@@ -238,19 +273,6 @@ def _count_below(process: int, most: int) -> int:
                 found += len(children)
                 below += children
     return found
-
-
-def _pass_on(printed: int, left: int, chunks: int) -> int:
-    """Pass on what was printed, and return how much more may be: -1 when nobody can print any more."""
-    with contextlib.suppress(OSError):
-        for _ in range(chunks):
-            said = os.read(printed, _CHUNK)
-            if not said:
-                return -1
-            with contextlib.suppress(OSError):
-                os.write(2, said[:left] if len(said) < left or not left else said[:left] + _LEFT_OUT)
-            left = max(left - len(said), 0)
-    return left
 
 
 def _end_children() -> None:

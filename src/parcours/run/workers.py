@@ -32,7 +32,7 @@ from typing import Any, Generic, Literal, TypeVar
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run import canaries as canaries
 from parcours.run.exception_text import described
-from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, new_block, share, write_last_place, write_place
+from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, case_in, new_block, share, write_last_place, write_place
 from parcours.run.keeper import BoundedText, can_keep, end_with, keep, memory_for_each
 from parcours.run.messages import LineMessages, packed
 
@@ -78,6 +78,10 @@ class Lost:
         return f"was killed by signal {-self.status}" if self.status < 0 else f"ended with exit code {self.status}"
 
 
+_SAFE_PATH = "PYTHONSAFEPATH"
+"""Set while a worker's interpreter starts, which would take a `types.py` of the working folder for Python's own."""
+
+
 class _Worker:
     """One process, the line to it, and the item that it is on."""
 
@@ -95,13 +99,20 @@ class _Worker:
         arguments: tuple[Any, ...] = (theirs, crew.task, block, says, lifeline, held, crew.own_group, crew.strangers)
         if self.kept:
             arguments = (memory_for_each(crew.size), *arguments)
+        alone = not crew.forks and _SAFE_PATH not in os.environ
+        if alone:
+            run, arguments = _serve_alone, (run, *arguments)
         self.process = context.Process(target=run, args=arguments, daemon=True)
         try:
+            os.environ.update({_SAFE_PATH: "1"} if alone else {})
             self.process.start()
         except (AttributeError, TypeError, ImportError, ValueError, pickle.PicklingError) as error:
             rule = f"what runs in workers must be importable there, but: {error}"
             remedy = "name it 'module:function', or use one worker"
             raise BadRequest("workers", rule, remedy, slug="not-picklable") from error
+        finally:
+            if alone:
+                del os.environ[_SAFE_PATH]
         for end in (theirs, says, lifeline):
             end.close()
         os.set_blocking(self.said.fileno(), False)
@@ -334,13 +345,20 @@ def is_worker() -> bool:
     return _line is not None
 
 
+def _serve_alone(run: Callable[..., None], *more: Any) -> None:
+    """Serve in an interpreter of its own, which has left out the working folder until it was given our path."""
+    os.environ.pop(_SAFE_PATH, None)
+    run(*more)
+
+
 def _serve_kept(memory: int, line: Connection, *more: Any) -> None:
     """Serve with a keeper around it."""
     _, block, says, lifeline, held, _, _ = more
     for end in held:
         end.close()
     others = (line.fileno(), says.fileno())
-    keep(lifeline.fileno(), others, memory, lambda: _serve(line, *more), partial(write_last_place, block))
+    keep(lifeline.fileno(), others, memory, lambda: _serve(line, *more), partial(write_last_place, block),
+         partial(case_in, block))  # fmt: skip
 
 
 def _serve(

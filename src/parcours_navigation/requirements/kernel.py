@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from parcours.kernels import kernel
 from parcours_navigation.requirements.programs import (
+    ABOVE,
     ABS,
     ADD,
+    BELOW,
     COMPARE,
     DIVIDE,
     FIRST,
@@ -20,6 +22,7 @@ from parcours_navigation.requirements.programs import (
     GREATEST,
     HYPOT,
     IMPLY,
+    IS_ROOT,
     LAST,
     LEAST,
     LEFT,
@@ -27,7 +30,9 @@ from parcours_navigation.requirements.programs import (
     MIN,
     MULTIPLY,
     NEGATE,
+    NEGATED_WINDOW,
     OPERATION,
+    OUT,
     RIGHT,
     SQRT,
     SUBTRACT,
@@ -178,13 +183,23 @@ def _choose(operation: int, a: Floats, b: Floats, out: Floats) -> None:
 
 
 @kernel
-def _compare(a: Floats, b: Floats, out: Floats, n: int) -> int:
+def _compare(operation: int, a: Floats, b: Floats, out: Floats, n: int) -> int:
     """Fill out[0 .. n - 1] with a - b; return how many are not a number."""
     absent = 0
-    for i in range(n):
-        value = a[i] - b[i]
-        out[i] = value
-        absent += 1 if value != value else 0
+    if operation == ABOVE:
+        least = b[0]
+        for i in range(n):
+            out[i] = a[i] - least
+            absent += 1 if out[i] != out[i] else 0
+    elif operation == BELOW:
+        most = a[0]
+        for i in range(n):
+            out[i] = most - b[i]
+            absent += 1 if out[i] != out[i] else 0
+    else:
+        for i in range(n):
+            out[i] = a[i] - b[i]
+            absent += 1 if out[i] != out[i] else 0
     return absent
 
 
@@ -200,42 +215,56 @@ def evaluate(code: Ints, roots: Ints, memory: Floats, absent: Ints, n: int, robu
         robustness: NaN where a comparison has no value at some sample; shape (n_formulas,).
         when: index of the sample, NaN where robustness is not negative; shape (n_formulas,).
     """
-    base, aside = len(memory) - len(code) - 1, memory[-1]
-    absent[:base] = 0
+    aside = memory[-1]
+    absent[:] = 0
     for k in range(len(code)):
         operation, left, right = code[k, OPERATION], code[k, LEFT], code[k, RIGHT]
         low, high = code[k, FROM], min(code[k, TO], n - 1)
-        a, b, out = memory[left], memory[right], memory[base + k]
-        absent[base + k] = absent[left] + absent[right]
-        if operation == COMPARE:
-            absent[base + k] += _compare(a, b, out, n)
-        elif operation == WINDOW:
+        a, b, out = memory[left], memory[right], memory[code[k, OUT]]
+        lacking = absent[left] + absent[right]
+        if COMPARE <= operation <= BELOW:
+            lacking += _compare(operation, a, b, out, n)
+        elif operation in (WINDOW, NEGATED_WINDOW):
             _windows(a, out, aside, low, high, code[k, FIRST], code[k, LAST], n - 1)
+            if operation == NEGATED_WINDOW:
+                for i in range(low, high + 1):
+                    out[i] = -out[i]
         elif operation == UNTIL:
             _until(a, b, out, low, min(high + code[k, LAST], n - 1))
         elif operation >= NEGATE:
             _choose(operation, a[low : high + 1], b[low : high + 1], out[low : high + 1])
         else:
             _arithmetic(operation, a, b, out, n)
-    for k in range(len(roots)):
-        row = roots[k]
-        robustness[k] = memory[row, 0] if absent[row] == 0 else np.nan
-        when[k] = float(_decided(code, memory, base, row, n)) if robustness[k] < 0.0 else np.nan
+        absent[code[k, OUT]] = lacking
+        if code[k, IS_ROOT]:
+            value = out[0] if lacking == 0 else np.nan
+            sample = float(_decided(code, memory, k, n)) if value < 0.0 else np.nan
+            for j in range(len(roots)):
+                if roots[j] == k:
+                    robustness[j], when[j] = value, sample
 
 
 @kernel
-def _decided(code: Ints, memory: Floats, base: int, row: int, n: int) -> int:
-    """Return the sample of the comparison that gives a formula its value; the last one if it lies beyond the track."""
+def _decided(code: Ints, memory: Floats, k: int, n: int) -> int:
+    """Return the sample of the comparison that gives a formula its value; the last one if it lies beyond the track.
+
+    Args:
+        k: the instruction that ends the formula, and the last one that has run.
+    """
     i = 0
+    row = code[k, OUT]
     value = memory[row, 0]
     while True:
-        k = row - base
+        while code[k, OUT] != row:
+            k -= 1
         operation, left, right = code[k, OPERATION], code[k, LEFT], code[k, RIGHT]
-        if operation == COMPARE or i >= n:
+        if COMPARE <= operation <= BELOW or i >= n:
             return min(i, n - 1)
+        if operation in (NEGATE, NEGATED_WINDOW):
+            value = -value
         if operation == NEGATE:
-            row, value = left, -value
-        elif operation == WINDOW:
+            row = left
+        elif operation in (WINDOW, NEGATED_WINDOW):
             i += code[k, FIRST]
             last = min(i + code[k, LAST] - code[k, FIRST], n - 1)
             while i < last and memory[left, i] != value:

@@ -243,7 +243,7 @@ def robustness_of(formulas: Sequence[Formula], signals: Mapping[str, ArrayLike])
     rows = np.array([np.asarray(one, np.float64) for one in signals.values()], np.float64)
     program = compile_formulas(formulas, names)
     memory = program.memory(rows.shape[1])
-    memory[: len(rows)] = rows
+    memory[: len(rows), : rows.shape[1]] = rows
     robustness, when = np.zeros(len(formulas)), np.zeros(len(formulas))
     absent = np.zeros(len(memory), np.int64)
     evaluate(program.code, program.roots, memory, absent, rows.shape[1], robustness, when)

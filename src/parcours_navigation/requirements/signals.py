@@ -57,13 +57,15 @@ def _slope(entries: Floats, last: Floats, n: int, column: int, out: Floats) -> N
 
 
 @kernel
-def _clearances(entries: Floats, last: Floats, radii: Floats, robot_radius: float, n: int, out: Floats) -> None:
-    """Fill the gap to the closest obstacle [m]."""
-    for i in range(n):
-        out[i] = np.inf
+def _clearances(
+    entries: Floats, last: Floats, radii: Floats, robot_radius: float, n: int, out: Floats, aside: Floats
+) -> None:  # fmt: skip
+    """Fill the gap to the closest obstacle [m]; `aside` is working memory of the size of `out`."""
     first = entries.shape[1] - 2 * len(radii)
     if first > _GROUND:
         _column(entries, last, n, _GROUND, out)
+    else:
+        out[:n] = np.inf
     k = 0
     while k < len(radii):
         begin, same = first + 2 * k, 1
@@ -77,7 +79,9 @@ def _clearances(entries: Floats, last: Floats, radii: Floats, robot_radius: floa
                 dx, dy = entry[j] - entry[_ENTRY_X], entry[j + 1] - entry[_ENTRY_Y]
                 square = dx * dx + dy * dy
                 least = square if square < least else least
-            gap = np.sqrt(least) - radii[k] - robot_radius
+            aside[i] = least
+        for i in range(n):
+            gap = np.sqrt(aside[i]) - radii[k] - robot_radius
             out[i] = gap if gap < out[i] else out[i]
         k += same
 
@@ -132,7 +136,7 @@ def take(
         radii: of the obstacles [m], shape (n_obstacles,).
         robot_radius, goal_x, goal_y: [m].
         wanted: 1 for the signals to take, in the order of SIGNALS.
-        memory: receives them; shape (at least len(SIGNALS), at least n + 1).
+        memory: receives them; its last row is working memory. Shape (more than len(SIGNALS), at least n + 1).
     """
     n = len(entries)
     if n == 0 or last[_ENTRY_TIME] > entries[n - 1, _ENTRY_TIME]:
@@ -154,7 +158,7 @@ def take(
     if wanted[_YAW_ACCELERATION]:
         _slope(entries, last, n, _ENTRY_W, memory[_YAW_ACCELERATION])
     if wanted[_CLEARANCE]:
-        _clearances(entries, last, radii, robot_radius, n, memory[_CLEARANCE])
+        _clearances(entries, last, radii, robot_radius, n, memory[_CLEARANCE], memory[-1])
     if wanted[_GOAL]:
         _goal_distances(entries, last, goal_x, goal_y, n, memory[_GOAL])
     if wanted[_ERROR]:

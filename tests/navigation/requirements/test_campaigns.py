@@ -46,9 +46,9 @@ def test_robustness_is_that_of_the_recorded_track_and_the_state_at_the_end() -> 
         for column, name in enumerate(track.dtype.names or ()):
             entries[:, column] = track[name]
         entries[:, 7:] = places.reshape(n, -1)
-        memory = np.zeros((len(SIGNALS), n + 1))
+        memory = np.zeros((len(SIGNALS) + 1, n + 1))
         take(entries, entries[-1], np.full(k, 0.1), 0.125, 2.0, 2.0, np.ones(len(SIGNALS), np.int64), memory)
-        signals = {name: row[:n].tolist() for name, row in zip(SIGNALS, memory, strict=True)}
+        signals = {name: row[:n].tolist() for name, row in zip(SIGNALS, memory[:-1], strict=True)}
         if facts["t_end"] > track["time"][-1]:  # what is asked of the last sample is asked of the facts
             distances = {"goal_distance": [*signals["goal_distance"], float(facts["to_goal"])]}
             assert facts["robustness"][2] == robustness(ASKED.formulas[2].formula, distances)

@@ -14,7 +14,7 @@ import pytest
 import parcours
 from parcours_navigation.requirements.kernel import evaluate
 from parcours_navigation.requirements.parsing import parse
-from parcours_navigation.requirements.programs import compile_formulas
+from parcours_navigation.requirements.programs import OUT, compile_formulas
 from parcours_navigation.requirements.requirement import robustness_of
 from parcours_navigation.requirements.syntax import Comparison, Formula, walk
 from parcours_navigation.requirements.vocabulary import Meaning
@@ -181,3 +181,15 @@ def test_a_hundred_thousand_samples_are_judged_in_linear_time() -> None:
     memory[0] = np.random.default_rng(0).normal(size=n)
     evaluate(program.code, program.roots, memory, np.zeros(len(memory), np.int64), n, out, np.zeros(1))
     assert out[0] > 0.0  # 2e9 comparisons if every window were looked at
+
+
+def test_formulas_that_share_memory_are_what_each_is_alone() -> None:
+    rng, traces = np.random.default_rng(5), draw_traces(np.random.default_rng(6), 50)
+    formulas = [draw_formula(rng, 4) for _ in range(60)]
+    formulas += [*formulas[:10], of("always a > 0"), of("not always a > 0"), of("eventually a <= 0")]
+    together = robustness_of(formulas, traces)
+    for k, each in enumerate(formulas):
+        alone = robustness_of([each], traces)
+        assert [one[k].tobytes() for one in together] == [one[0].tobytes() for one in alone], each
+    program = compile_formulas(formulas, NAMES)
+    assert len(np.unique(program.code[:, OUT])) < len(program.code) / 2  # rows are used again

@@ -25,9 +25,9 @@ def drive(n: int, seed: int, *, ground: bool = False) -> Floats:
 
 
 def taken(entries: Floats, last: Floats) -> dict[str, Floats]:
-    memory = np.full((len(SIGNALS), len(entries) + 1), np.nan)
+    memory = np.full((len(SIGNALS) + 1, len(entries) + 1), np.nan)
     n = take(entries, last, RADII, ROBOT, *GOAL, np.ones(len(SIGNALS), np.int64), memory)
-    return dict(zip(SIGNALS, memory[:, :n], strict=True))
+    return dict(zip(SIGNALS, memory[:-1, :n], strict=True))
 
 
 def twin(rows: Floats, ground: bool = False) -> dict[str, Floats]:
@@ -79,8 +79,8 @@ def test_clearance_is_the_one_that_is_measured_bit_for_bit() -> None:
 def test_only_wanted_signals_are_taken() -> None:
     rows = drive(9, 2)
     for k in range(len(SIGNALS)):
-        memory = np.full((len(SIGNALS), 10), np.nan)
+        memory = np.full((len(SIGNALS) + 1, 10), np.nan)
         wanted = np.zeros(len(SIGNALS), np.int64)
         wanted[k] = 1
         take(rows, rows[-1], RADII, ROBOT, *GOAL, wanted, memory)
-        assert (~np.isnan(memory[:, :9])).all(axis=1).tolist() == (wanted == 1).tolist()
+        assert (~np.isnan(memory[:-1, :9])).all(axis=1).tolist() == (wanted == 1).tolist()
