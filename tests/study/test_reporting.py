@@ -99,7 +99,7 @@ def test_the_worst_cases_of_every_cause_are_listed_and_a_million_cases_make_a_sm
 @pytest.mark.parametrize(
     ("verdicts", "verdict", "fact"),
     [
-        ([Verdict.PASS] * 50, "It passed all 50 cases.", "Of cases like these fewer than 7.1 % fail"),
+        ([Verdict.PASS] * 50, "It passed all 50 cases.", "Fewer than 7.1 % of cases like these fail"),
         ([Verdict.PASS, Verdict.INCONCLUSIVE], "It failed none of 2 cases, but 1 could not be judged.", "1 case could"),
         ([Verdict.ERROR] * 3, "It failed 3 of 3 cases (100 %).", "3 cases ended in an error: [raised](#cause_1)."),
         ([], "Nothing is known yet: no case is finished.", ""),
@@ -144,7 +144,7 @@ def test_mutants_that_survive_are_the_failures_of_a_test_suite() -> None:
         Reruns("noticed mutants", 1, 1, 1),
     )
     assert [(cause.words, cause.count) for cause in listed(page).causes] == [("stale", 2)]
-    assert page.summary is not None and page.summary.verdict.startswith("They noticed 1 of 3 mutants")
+    assert page.summary is not None and page.summary.verdict.startswith("The tests noticed 1 of 3 mutants")
     assert ("date", "today") in page.facts
     assert ("run again", "1 of 1 gave the same verdict and facts (1 of 1 noticed mutants were run again)") in page.facts
     run, show = listed(page).causes[0].cases[0].commands

@@ -17,8 +17,8 @@ from parcours.cli.options import LOCATION, as_json, count, named_study, print_js
 def command(folders: tuple[Path, ...], show: int, study: str, as_json: bool) -> None:
     """Say what the campaigns in FOLDERS cover together, and what is missing.
 
-    Blocks of test data, each and in pairs; start vectors, alone and with each block; verdicts and outcomes that
-    were seen.
+    It counts blocks of test data, alone and in pairs; start vectors, alone and with each block; verdicts and outcomes
+    that were seen.
 
     Example: parcours coverage out/monday out/tuesday
     """

@@ -27,8 +27,8 @@ _SHOWN = 3
 def command(file: Path, max_states: int, witnesses: int, as_json: bool) -> None:
     """Explore the composition of a model's components: every state and move, deadlocks, lost messages, dead parts.
 
-    Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0. Errors are
-    doubtful, with exit code 3, in a model of another tool's file that says more than the model keeps.
+    Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0. If the model
+    comes from another tool's file and could not keep all of it, errors are doubtful: exit code 3.
 
     Example: parcours explore model.yaml --max-states 100000 --show 1
     """

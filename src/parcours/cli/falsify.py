@@ -21,10 +21,10 @@ from parcours.cli.options import PATH, as_json, choice, count, print_json, seed,
 def command(
     study: str, out: Path, budget: int, method: str, cause: str, seed: int, settings: tuple[str, ...], as_json: bool
 ) -> None:  # fmt: skip
-    """Look for a failing case of STUDY, over its input domains, guided by how near each case came to failing.
+    """Look for a failing case of STUDY, over its input domains, guided by how close each case came to failing.
 
     The search ends with the first failure, which is written as `parcours shrink` writes a case, or with the last run.
-    The same seed takes the same way. Exit code 1 if a failure was found.
+    The same seed makes the same search. Exit code 1 if a failure was found.
 
     Example: parcours falsify my_study --max-runs 2000 --out out/found
 

@@ -36,7 +36,7 @@ def command(
 
     A criterion must ask for states or for transitions one straight after the other: node, edge, edge-pair, N-switch,
     prime, complete-round-trip, complete:N, specified:WALKS and all-du-paths do. simple-round-trip, all-defs and
-    all-uses are refused, for any of several paths meets them: ask for complete-round-trip or all-du-paths instead.
+    all-uses are refused, because any of several paths meets them: ask for complete-round-trip or all-du-paths instead.
 
     Example: parcours feasible model.yaml --criterion edge-pair --component Planner --machine cycles --max-work 30000
     """

@@ -58,7 +58,7 @@ def command(
 ) -> None:  # fmt: skip
     """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
 
-    The cases of further studies of the same components run on the mutants, too.
+    The cases of further studies of the same components also run on the mutants.
 
     Exit code 0, or 1 if a condition of --fail-if holds.
 

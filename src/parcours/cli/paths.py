@@ -60,9 +60,10 @@ def command(
     file: Path, criterion: str, component: str, machine: str, composition: bool, walk: bool, max_length: int | None,
     listed: bool, runs: Path | None, tours: Tours, most: int, work: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Print few short paths through each machine that meet a criterion, and how far they are from the optimum.
+    """Print a small set of short paths through each machine that meets a criterion, and how far it is from the
+    optimum.
 
-    A file of runs has one sequence of transitions per line, as `parcours walk --out` writes it, too.
+    A file of runs has one sequence of transitions per line, as `parcours walk --out` writes it.
 
     Example: parcours paths model.yaml --criterion prime --component Planner
     """

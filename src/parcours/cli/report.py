@@ -23,7 +23,8 @@ def command(
 ) -> None:  # fmt: skip
     """Judge the results in one or more folders that `parcours run` wrote.
 
-    Exit code as of `parcours run`: 0 if all cases passed, 1 if one failed, 3 if some are inconclusive and none failed.
+    Exit codes are those of `parcours run`: 0 if all cases passed, 1 if one failed, 3 if some are inconclusive and
+    none failed.
 
     Example: parcours report out/lift-before out/lift --html out/report.html --junit out/junit.xml
     """

@@ -15,7 +15,7 @@ from parcours.cli.options import LOCATION, as_json, named_study, print_json, wor
 @named_study
 @as_json
 def command(folder: Path, workers: int, study: str, as_json: bool) -> None:
-    """Run every failing case of the campaign in FOLDER again, also of one that was made elsewhere.
+    """Run every failing case of the campaign in FOLDER again, even if it was made elsewhere.
 
     Says how many give the same facts, equal to the byte, and notes it in the folder, for `parcours report`. Exit
     code 0 if all do, 1 if some do not.

@@ -21,8 +21,8 @@ from parcours.cli.renaming import formerly
 def command(folder: Path, case: str, out: Path, runs: int, study: str, as_json: bool) -> None:
     """Make a failing CASE of the campaign in FOLDER small: few things that move, a short time, round numbers.
 
-    What stays fails for the same cause. Written are the case as a file, a pytest file that fails as long as the case
-    does, and a run of it for `parcours replay`. The same case gives the same files.
+    The small case fails for the same cause. It is written as a file, with a pytest file that fails as long as the
+    case does, and with a run of it for `parcours replay`. The same case gives the same files.
 
     Example: parcours shrink out/now 17 --out tests/case-17
 

@@ -9,7 +9,7 @@ from parcours.cli.options import as_json, print_json
 
 @click.group("study")
 def command() -> None:
-    """Studies of your own: check what is wrong with one.
+    """Check a study of your own for mistakes.
 
     Example: parcours study check examples/lift
     """

@@ -72,9 +72,11 @@ def summarised(found: Sequence[FolderSummary]) -> Summary:
         facts.insert(0, f"The run is not finished: {n:,d} of {planned:,d} cases are.")
     rate = wilson(failed, n)
     if len(facts) < _FACTS and not failed:
-        facts.append(f"Of cases like these fewer than {percent(rate.high)} fail, with 95 % confidence.")
+        facts.append(f"Fewer than {percent(rate.high)} of cases like these fail (95 % confidence).")
     elif len(facts) < _FACTS:
-        facts.append(f"Of cases like these {percent(rate.low)} to {percent(rate.high)} fail, with 95 % confidence.")
+        facts.append(
+            f"Between {percent(rate.low)} and {percent(rate.high)} of cases like these fail (95 % confidence)."
+        )
     facts += [said for one in found for said in one.highlights]
     return Summary(tested, verdict, tone, tuple(facts[:_FACTS]), _advice(found))
 

@@ -43,9 +43,9 @@ def command(
 ) -> None:  # fmt: skip
     """Run PLANNERS on the same cases, and test each against the first, or compare existing folders of results.
 
-    Folders are of one study: their cases are paired by their ids, rates are tested on the pairs, and cases whose
-    verdict changed are listed. A planner is a known name, package.module:Name, or path/to/file.py:Name. Planners with
-    published computing times keep them; the others answer instantly unless --command-delay is given.
+    The folders must belong to one study: their cases are paired by their ids, rates are tested on the pairs, and cases
+    whose verdict changed are listed. A planner is a known name, package.module:Name, or path/to/file.py:Name. Planners
+    with published computing times keep them; the others answer instantly unless --command-delay is given.
 
     Example: parcours compare orca dwa mppi --cases 10000 --html out/compare.html
 

@@ -10,7 +10,7 @@ from parcours.cli.renaming import formerly
 
 @click.group("planner")
 def command() -> None:
-    """Planners of your own: check what is wrong with one.
+    """Check a planner of your own for mistakes.
 
     Example: parcours planner check package.module:Planner
     """

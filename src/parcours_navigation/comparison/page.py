@@ -77,11 +77,11 @@ def compare_page(found: Analysis) -> Page:
     caution = (Text(f"**Unequal machines.** {found.caution}"),) if found.caution else ()
     ended = (_stacked(found), tables.outcome_table(found), tables.question_table(found))
     failing = _failures(found)
-    lead = "By planner and outcome, of each the cases with the least clearance first; each has a link of its own."
+    lead = "Grouped by planner and outcome, the least clearance first. Click the name of a case for its link."
     failed = Section("Cases that were not solved", lead, (failing,), "failures")
     sections = [
         *((failed,) if failing.causes else ()),
-        Section("What to take home", "", (_findings(found), Text(_READING), *caution), "findings"),
+        Section("Main findings", "", (_findings(found), Text(_READING), *caution), "findings"),
         Section("How the cases ended", "", ended, "outcomes"),
         *(
             (Section("The paper's results", "", _parted(tables.paper_table(found), found.names[0]), "paper"),)
@@ -114,7 +114,7 @@ def _summary(found: Analysis, failing: Failures) -> Summary:
     if failing.causes:
         worst = max(range(len(failing.causes)), key=lambda k: failing.causes[k].count)
         cause = failing.causes[worst]
-        facts.append(f"Most often unsolved: [{cause.words}](#cause_{worst + 1}), {cause.count:,d} cases.")
+        facts.append(f"The commonest failure: [{cause.words}](#cause_{worst + 1}), {cause.count:,d} cases.")
     for one in found.results.contenders:
         if one.repeated[0] < one.repeated[1]:
             n = one.repeated[1] - one.repeated[0]
@@ -125,7 +125,9 @@ def _summary(found: Analysis, failing: Failures) -> Summary:
         f"{best.name} solved most: {best.questions[_REACHED].count:,d}." if len(found.names) > 1
         else f"It solved {best.questions[_REACHED].count:,d}."
     )  # fmt: skip
-    advice = "Open a case of [those that were not solved](#failures), and replay it for two planners." * bool(facts[1:])
+    advice = "Open one of [the cases that were not solved](#failures), and replay it with two planners." * bool(
+        facts[1:]
+    )
     return Summary(
         f"{len(found.names)} planners ran the same {found.results.n_cases:,d} cases.", verdict, "neutral",
         tuple(facts[:3]), advice,

@@ -23,7 +23,7 @@ from parcours.cli.renaming import formerly
 @workers
 @click.option("--out", type=PATH, default=Path("out/demo"), show_default=True, help="Folder to write.")
 def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path) -> None:
-    """Model, paths, abstract cases, data, component and timing cases, system campaigns; judged and drawn.
+    """Run the paper's whole study, from the model to system campaigns, and write one report on it.
 
     Example: parcours demo --cases 905 --seed 1 --out out/demo
     """

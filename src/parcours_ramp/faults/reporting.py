@@ -137,9 +137,7 @@ def fault_page(results: FaultResults) -> Page:
         "answered by a stop, or it may go unnoticed until something is hit."
     )
     causes = _causes(results)
-    listed = (
-        "Faults under which a robot was unsafe, or stood though the fault was over, with the cases in which it did."
-    )
+    listed = "Faults under which the robot was unsafe, or still stood after the fault was over, and in which cases."
     sections = [
         Section("Faults that were not survived", listed, (Failures("Faults", causes, what="fault"),), "failures")
     ]
@@ -158,7 +156,8 @@ def _summary(results: FaultResults, causes: Sequence[Cause], n_faults: int) -> S
         f"**RAMP** ran under {n_faults} faults, one at a time, as {' and as '.join(results.t_goal)}.",
         f"It was unsafe in {unsafe} of {len(struck)} struck runs.", "bad" if unsafe else "good",
         (*results.repeated.warning(),
-         *(f"{cause.count} faults: [{cause.words}](#cause_{k})." for k, cause in enumerate(causes[:3], 1))),
+         *(f"{cause.count} fault{'s' * (cause.count != 1)}: [{cause.words}](#cause_{k})."
+           for k, cause in enumerate(causes[:3], 1))),
         "Start with [the first fault of the list](#failures), and run its command." if causes
         else "Every fault was survived or answered by a stop.",
     )  # fmt: skip

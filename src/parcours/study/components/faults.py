@@ -132,7 +132,7 @@ def _fault_page(
     )  # fmt: skip
     idle = len(rows) - len(struck)
     facts = [*repeated.warning()]
-    facts += [f"{len(mine)} faults: [{words}](#cause_{k})." for k, (words, mine) in
+    facts += [f"{len(mine)} fault{'s' * (len(mine) != 1)}: [{words}](#cause_{k})." for k, (words, mine) in
              enumerate(((words, mine) for words, mine in groups.items() if mine), 1)]  # fmt: skip
     facts += [f"{idle} faults struck no case: nothing that they could hit was sent."] if idle else []
     seen = len(struck) - len(unseen)
@@ -143,7 +143,7 @@ def _fault_page(
         "Start with [the faults that no case noticed](#failures): give the study oracles that look at the data."
         if causes else "Every fault is noticed: keep these oracles.",
     )  # fmt: skip
-    lead = "A fault that no case notices is one that neither the components refuse nor the oracles see."
+    lead = "If no case notices a fault, the components accepted it and no oracle saw it."
     listed = Section("Faults that were not noticed", lead, (Failures("Faults", causes, what="fault"),), "failures")
     facts_of = (*provenance().items(), ("study", study.name), ("seed", str(request.seed)),
                 ("run again", str(repeated)))  # fmt: skip

@@ -150,11 +150,13 @@ def mutation_page(
     """
     effective, survivors = found.effective(), found.survivors()
     n, lost, planned = len(effective), len(survivors), len(found.mutants)
-    verdict = f"They noticed {n - lost} of {n} mutants that have an effect{f' ({(n - lost) / n:.1%})' if n else ''}."
+    verdict = (
+        f"The tests noticed {n - lost} of {n} mutants that have an effect{f' ({(n - lost) / n:.1%})' if n else ''}."
+    )
     tone: Tone = "poor" if lost or not n else "good"
     by_stage = {stage: sum(stage in one.seen for _, one in effective) for stage in found.stages if stage != TWIN}
     facts = [*repeated.warning()]
-    facts += [f"{len(found.outcomes)} of {planned} mutants ran; {len(found.outcomes) - n} have no effect that shows."]
+    facts += [f"{len(found.outcomes)} of {planned} mutants ran; {len(found.outcomes) - n} have no visible effect."]
     if by_stage and n:
         best = max(by_stage, key=lambda stage: by_stage[stage])
         facts.append(f"*{best}* notices most: {by_stage[best]} of {n}.")
@@ -168,17 +170,17 @@ def mutation_page(
     advice = (
         "Start with [the survivors](#failures): each is a change of behaviour that no test sees. Give the study an "
         "oracle that looks at what it changes, and run the command again."
-        if lost else "Keep the score as a gate: `--fail-if` makes a later loss of tests fail the build."
+        if lost else "Make the score a gate: with `--fail-if`, a build fails when the tests get weaker."
     )  # fmt: skip
-    lead = "Changes of the code or the model that no stage of the tests noticed, by kind of change."
+    lead = "Changes to the code or the model that no stage of the tests noticed, by kind of change."
     listed = [
         Section("Mutants that survived", lead, (Failures("Survivors", tuple(causes), what="mutant"),), "failures")
     ]
     return Page(
         f"Mutants of {found.study}", "", (*made.items(), ("run again", str(repeated))),
         (*(listed if causes else ()), Section("Scores", "", tuple(found.tables()), "scores")),
-        Summary(f"The tests of **{found.study}** were tested with small changes of its {found.of}.", verdict, tone,
-                tuple(facts), advice),
+        Summary(f"The {found.of} of **{found.study}** got small changes, one at a time: do its tests notice?",
+                verdict, tone, tuple(facts), advice),
     )  # fmt: skip
 
 
