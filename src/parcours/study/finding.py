@@ -155,6 +155,11 @@ def study_of(folder: Path, given: str = "") -> Study:
         raise BadRequest(str(folder), rule, "say where it is: --study FOLDER", slug="results-where") from error
 
 
+def require_results(folder: Path) -> None:
+    """Raise BadResults unless the folder holds results."""
+    _where(folder)
+
+
 def _where(folder: Path) -> str:
     if (folder / RUN).exists():
         return str(read_question(folder)["where"])
