@@ -76,6 +76,23 @@ def test_the_line_that_is_asked_for_gives_cases(body: str) -> None:
     assert list(abstract_cases(model))
 
 
+def test_a_misspelt_state_is_named_before_the_model_is_said_to_lack_an_interaction() -> None:
+    body = """
+channels: {ask: {from: A, to: B, message: Note}, answer: {from: B, to: A, message: Note}}
+components:
+  A:
+    machines:
+      m:
+        initial: s
+        transitions: {a1: {from: s, to: wiat, message: ask}, a2: {from: wait, to: s, event: answer}}
+  B: {machines: {m: {initial: s, transitions: {b1: {from: s, to: s, event: ask, message: answer}}}}}
+"""
+    with pytest.raises(BadModel) as caught:
+        require_cases(parse_model(HEAD + body))
+    assert caught.value.remedy.startswith("first see to what `parcours model check` says: ")
+    assert "'wiat' of 'm' in 'A' does not" in caught.value.remedy and "no path leads to 'wait'" in caught.value.remedy
+
+
 def test_an_entry_is_added_to_those_that_are_there() -> None:
     body = UNANSWERED + "interactions: {ITP1: [B, A]}\n"
     with pytest.raises(BadModel) as caught:

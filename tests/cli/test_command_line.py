@@ -158,6 +158,8 @@ def test_a_suite_is_written_and_reads_back(tmp_path: Path) -> None:
         (("run", "/nowhere/study.yaml", "--out", "x"), "unreadable-file"),
         (("report", "/nowhere"), "results-manifest"),
         (("replay", "/nowhere", "3"), "results-manifest"),
+        (("run", "ramp_system", "--cases", "1", "--junit", "/tmp", "--out", "x"), "is a directory"),
+        (("run", "ramp_system", "--cases", "1", "--baseline", "/nowhere", "--out", "x"), "results-manifest"),
         (("model", "check"), "Missing argument"),
         (("nonsense",), "No such command"),
     ],

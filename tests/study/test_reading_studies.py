@@ -10,8 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from parcours.cli import parcours
-from parcours.errors import BadRequest
-from parcours.study.finding import find
+from parcours.errors import BadRequest, BadResults
+from parcours.study.finding import find, study_of
+from parcours.study.selection import ids_of
 
 LIFT = Path(__file__).parents[2] / "examples" / "lift"
 PARTS = "Panel: lift.py:Panel, Cabin: lift.py:Cabin"
@@ -207,3 +208,26 @@ def test_a_study_that_is_not_there_is_refused_with_how_to_name_one(given: str, s
     with pytest.raises(BadRequest) as caught:
         find(given)
     assert caught.value.slug == slug and given.partition(":")[0] in str(caught.value)
+
+
+def test_a_python_file_is_no_yaml_and_the_refusal_says_how_to_name_what_it_defines(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text("def mine(observation):\n    return 0.0, 0.0\n")
+    with pytest.raises(
+        BadRequest, match=r"a planner: parcours run navigation --planner .*mine.py:NAME \[unknown-study"
+    ):
+        find(str(file))
+
+
+def test_a_list_of_cases_that_is_a_folder_is_refused_with_what_to_name(tmp_path: Path) -> None:
+    with pytest.raises(
+        BadRequest, match=r"but: Is a directory; name a text file with one case id per line \[case-list"
+    ):
+        ids_of((), tmp_path)
+
+
+def test_a_folder_of_results_that_is_not_there_is_said_to_be_missing(tmp_path: Path) -> None:
+    with pytest.raises(BadResults, match="there is no such folder"):
+        study_of(tmp_path / "none")
+    with pytest.raises(BadResults, match="this one does not"):
+        study_of(tmp_path)

@@ -210,6 +210,17 @@ def test_test_inputs_reach_the_fields_of_their_names_unless_a_guard_forbids_it(l
     assert free >= 10 and forced >= 5
 
 
+@pytest.mark.parametrize(("unit", "warned"), [("ms", True), ("s", False)])
+def test_a_test_input_in_another_unit_than_its_field_is_warned_of(lift: Path, unit: str, warned: bool) -> None:
+    data = f"parcours: data/1\nname: lift\nparameters:\n  hold: {{unit: {unit}, edges: [0.5, 1, 9]}}\n"
+    (lift / "domains.yaml").write_text(data)
+    study = find(str(lift))
+    assert isinstance(study, ComponentStudy)
+    found = [one for one in study.check(lambda *_: None) if "given its values as they are" in one.rule]
+    assert [one.where for one in found] == ["test input 'hold'"] * warned
+    assert all("is in ms, but field Order.hold" in one.rule and one.level == "warning" for one in found)
+
+
 NARROW = """
 parcours: model/1
 name: narrow

@@ -10,10 +10,12 @@ from parcours.abtc.interactions import InteractionPath, component_graph, interac
 from parcours.abtc.rendezvous import rendezvous_pairs
 from parcours.abtc.serialising import abstract_cases
 from parcours.errors import BadModel, BadRequest
+from parcours.model.checking import findings
 from parcours.model.structure import Cefsm
 
 _TRIED = 200  # chains of components
 _SHOWN = 4  # senders, or combinations that were dropped
+_MISSPELT = ("unreachable-state", "no-way-back")  # warnings that a misspelt state gives
 
 
 def require_cases(cefsm: Cefsm, source: str = "") -> None:
@@ -43,7 +45,15 @@ def require_cases(cefsm: Cefsm, source: str = "") -> None:
         said = _some(senders) or "no transition sends to another component"
         why = f"no interaction closes: {said}, and {_some(mute)}"
     rule = f"some interaction must give an abstract case, but {why}"
-    raise BadModel(source or f"model {cefsm.name!r}", rule, _remedy(cefsm), slug="no-abstract-cases")
+    raise BadModel(
+        source or f"model {cefsm.name!r}", rule, _suspected(cefsm) + _remedy(cefsm), slug="no-abstract-cases"
+    )
+
+
+def _suspected(cefsm: Cefsm) -> str:
+    """Return a remedy to try first where states are never reached or left, as with a misspelt `to`; else nothing."""
+    found = [one.message.partition(", but ")[2] for one in findings(cefsm) if one.rule in _MISSPELT]
+    return f"first see to what `parcours model check` says: {_some(found)}; if that is meant, " if found else ""
 
 
 def _some(parts: list[str]) -> str:

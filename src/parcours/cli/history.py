@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, as_json, named_study, print_json, print_rows
+from parcours.cli.options import FILE, PATH, as_json, named_study, print_json, print_rows
 
 
 @click.command("history")
@@ -16,7 +16,7 @@ from parcours.cli.options import PATH, as_json, named_study, print_json, print_r
 @click.option(
     "--rate", "rates", multiple=True, default=("failed",), show_default=True, help="To show; may be repeated."
 )
-@click.option("--html", type=PATH, help="Write one self-contained page.")
+@click.option("--html", type=FILE, help="Write one self-contained page.")
 @named_study
 @as_json
 def command(

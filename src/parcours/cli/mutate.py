@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import click
 
-from parcours.cli.options import PATH, as_json, choice, count, fail_if, print_json, seed, set_parameters, workers
+from parcours.cli.options import FILE, PATH, as_json, choice, count, fail_if, print_json, seed, set_parameters, workers
 from parcours.cli.renaming import formerly
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 @workers
 @click.option("--out", type=PATH, help="Folder for the outcomes; resumed if it holds some.")
 @click.option("--fresh", is_flag=True, help="Discard the outcomes in that folder, and start again.")
-@click.option("--html", type=PATH, help="Write one self-contained page.")
+@click.option("--html", type=FILE, help="Write one self-contained page.")
 @fail_if
 @as_json
 def command(

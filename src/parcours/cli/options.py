@@ -35,6 +35,7 @@ class _LocalPath(click.Path):
 
 
 PATH = _LocalPath(path_type=Path)
+FILE = _LocalPath(path_type=Path, dir_okay=False)
 
 
 def count(

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import LOCATION, PATH, named_study
+from parcours.cli.options import FILE, LOCATION, PATH, named_study
 
 
 @click.command("replay")
 @click.argument("folder", type=LOCATION)
 @click.argument("case")
-@click.option("--html", type=PATH, help="Page to write; without it the case is printed.")
+@click.option("--html", type=FILE, help="Page to write; without it the case is printed.")
 @click.option("--export", "exports", multiple=True, type=PATH, metavar="FILE",
               help="Write the replay as .svg, .gif or .mcap (Foxglove); may be repeated.")  # fmt: skip
 @click.option("--beside", multiple=True, type=LOCATION, metavar="FOLDER",

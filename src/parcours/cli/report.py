@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import LOCATION, PATH, as_json, baseline, fail_if, named_study
+from parcours.cli.options import FILE, LOCATION, as_json, baseline, fail_if, named_study
 
 
 @click.command("report")
 @click.argument("folders", nargs=-1, required=True, type=LOCATION)
-@click.option("--html", type=PATH, help="Write one self-contained page.")
-@click.option("--junit", type=PATH, help="Write the verdicts as JUnit XML.")
+@click.option("--html", type=FILE, help="Write one self-contained page.")
+@click.option("--junit", type=FILE, help="Write the verdicts as JUnit XML.")
 @named_study
 @fail_if
 @baseline

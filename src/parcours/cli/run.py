@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from parcours.cli.options import LOCATION, PATH, as_json, baseline, count, fail_if, seed
+from parcours.cli.options import FILE, LOCATION, PATH, as_json, baseline, count, fail_if, seed
 
 if TYPE_CHECKING:
     from parcours.study import Study
@@ -46,7 +46,7 @@ _COMMON = (
         help="Folder or bucket (s3://...) for the results; resumed if it holds some.",
     ),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),
-    click.option("--junit", type=PATH, help="Write the verdicts as JUnit XML."),
+    click.option("--junit", type=FILE, help="Write the verdicts as JUnit XML."),
     fail_if,
     baseline,
     as_json,
@@ -124,6 +124,7 @@ def _run(
     from parcours.errors import BadRequest
     from parcours.run.campaign import terminable
     from parcours.study import Request
+    from parcours.study.finding import require_results
     from parcours.study.gate import parse_condition
     from parcours.study.hosting import isolate
     from parcours.study.journal import discard
@@ -153,6 +154,8 @@ def _run(
     if engine and not getattr(study, "stops", False):
         rule = f"it is for campaigns, but {study.name} is of kind {study.kind}"
         raise BadRequest("--engine", rule, "leave it out", slug="option-study")
+    if baseline is not None and baseline != out:
+        require_results(baseline)  # now, and not after hours
     if fresh:
         discard(out, _FRESH)
     isolate(str(settings.get("host", "")), str(settings.get("graph", "")))  # before the progress bar starts a thread

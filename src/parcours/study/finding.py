@@ -54,14 +54,18 @@ def find(given: str) -> Study:
     path = Path(given)
     if path.is_dir():
         path = path / FILE
-    if path.is_file() or os.sep in given or given.endswith((".yaml", ".yml")):
+    python = path.suffix == ".py" and path.is_file()
+    if not python and (path.is_file() or os.sep in given or given.endswith((".yaml", ".yml"))):
         from parcours.study.study_file import read_study
 
         return read_study(path)
     rule = (
         f"must be a registered name, a folder with a {FILE}, such a file, file.py:NAME or module:NAME, but is {given!r}"
     )
-    raise BadRequest("study", rule, one_of(given, list(points)), slug="unknown-study")
+    remedy = one_of(given, list(points))
+    if python:
+        remedy = f"name what the file defines: {given}:NAME; a planner: parcours run navigation --planner {given}:NAME"
+    raise BadRequest("study", rule, remedy, slug="unknown-study")
 
 
 def find_components(where: str) -> ComponentStudy:
@@ -151,6 +155,11 @@ def study_of(folder: Path, given: str = "") -> Study:
         raise BadRequest(str(folder), rule, "say where it is: --study FOLDER", slug="results-where") from error
 
 
+def require_results(folder: Path) -> None:
+    """Raise BadResults unless the folder holds results."""
+    _where(folder)
+
+
 def _where(folder: Path) -> str:
     if (folder / RUN).exists():
         return str(read_question(folder)["where"])
@@ -165,7 +174,8 @@ def _where(folder: Path) -> str:
             return read_components(folder).results[0].id.partition("/")[0]
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise BadResults(str(folder), f"must say what was run, but: {error}", slug="results-manifest") from error
-    rule = "a results folder holds what `parcours run` wrote, but this one does not"
+    found = "this one does not" if folder.is_dir() else "there is no such folder"
+    rule = f"a results folder holds what `parcours run` wrote, but {found}"
     raise BadResults(str(folder), rule, "name a folder that was given as --out", slug="results-manifest")
 
 

@@ -19,7 +19,9 @@ def ids_of(given: Sequence[str], file: Path | None) -> tuple[str, ...]:
         try:
             lines = file.read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
-            raise BadRequest(str(file), f"must be a readable list of cases, but: {error}", slug="case-list") from error
+            why = error.strerror if isinstance(error, OSError) and error.strerror else error
+            rule = f"must be a readable list of cases, but: {why}"
+            raise BadRequest(str(file), rule, "name a text file with one case id per line", slug="case-list") from error
         listed = [line.partition("#")[0].strip() for line in lines]
         ids += [one for one in listed if one]
         if not any(listed):

@@ -244,13 +244,16 @@ class SystemCases:
 
 @dataclass(frozen=True, slots=True)
 class GivenCases(SystemCases):
-    """Cases whose values are given instead of drawn: in any order of setting out."""
+    """Cases whose values are given instead of drawn, in any order of setting out; what is not given is drawn."""
 
     given: Mapping[int, tuple[float, ...]] = field(default_factory=dict, hash=False)  # by the number of the case
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the given values of the cases, shape (n, n_inputs)."""
-        return np.array([self.given[number] for number in numbers.tolist()])
+        """Return the values of the cases, shape (n, n_inputs): case 0 is asked for to compile, given or not."""
+        drawn = SystemCases.values(self, numbers)
+        return np.array(
+            [self.given.get(k, tuple(row)) for k, row in zip(numbers.tolist(), drawn.tolist(), strict=True)]
+        )
 
 
 @kernel

@@ -18,6 +18,7 @@ from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, er
 from parcours_navigation.checking.subject import Subject, load_subject
 from parcours_navigation.guests.answers import BadAnswer
 from parcours_navigation.robots.kinds import Body
+from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import find_world
 
 Check = Callable[[Subject], Iterator[Remark]]
@@ -115,8 +116,15 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Remark]:
     except BaseException as raised:  # also SystemExit
         if is_ctrl_c(raised):
             raise
-        findings.append(error("planner-raises", form.where_raised(raised), "make it answer, whatever it sees"))
+        findings.append(error("planner-raises", form.where_raised(raised), _remedy_for(raised)))
     return findings
+
+
+def _remedy_for(raised: BaseException) -> str:
+    """Return what to do about an exception: a planner is given a scan, a map and a path only if it declares them."""
+    if "NoneType" in str(raised):
+        return 'make it answer, whatever it sees; if it reads a scan, map or path, declare it: needs = ("scan",)'
+    return "make it answer, whatever it sees"
 
 
 _GRACE = 60.0
@@ -135,10 +143,11 @@ def check_apart(
     """Return what `run_battery` finds of a planner in a process of its own, also where it ends or blocks that process.
 
     The process is ended when a check takes `grace` [s] longer than its patience, and ends itself after a check in which
-    the planner has changed it. It is shown the kind and the limits of the robot of a world, if one is named. Raises
-    BadRequest if the planner's name leads nowhere, or a check is unknown; BadWorld if the world is bad.
+    the planner has changed it. It is shown the kind and the limits of the robot of a world, if one is named: of its
+    case 0, where they are drawn. Raises BadRequest if the planner's name leads nowhere, or a check is unknown; BadWorld
+    if the world is bad.
     """
-    body = find_world(world).plan().robot if world else Body()
+    body = WorldCases(1, find_world(world)).plan(0).robot if world else Body()
     wanted = list(CHECKS) if names is None else list(names)
     done = -1  # while it is loaded
 

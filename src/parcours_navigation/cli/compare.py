@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
+from parcours.cli.options import FILE, PATH, as_json, count, print_json, seed, workers
 from parcours.cli.renaming import formerly
 
 
@@ -33,7 +33,7 @@ from parcours.cli.renaming import formerly
               help="A shipped world or a .yaml file, instead of the paper's arena.")  # fmt: skip
 @click.option("--out", type=PATH, default=Path("out/compare"), show_default=True,
               help="Folder for the campaigns; resumed if it holds some.")  # fmt: skip
-@click.option("--html", type=PATH, help="Write one self-contained page.")
+@click.option("--html", type=FILE, help="Write one self-contained page.")
 @click.option("--markdown", is_flag=True, help="Print the tables of results as Markdown, and nothing else.")
 @as_json
 def command(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, as_json, print_json
+from parcours.cli.options import FILE, as_json, print_json
 
 
 @click.group("world")
@@ -72,7 +72,7 @@ def check(world: str, cases: int, seed: int, as_json: bool) -> None:
 @click.argument("world")
 @click.option("--case", "number", default=0, type=click.IntRange(0, 2**53 - 1), show_default=True, help="Which case.")
 @click.option("--seed", default=1, type=click.IntRange(0, 2**63 - 1), show_default=True, help="Campaign seed.")
-@click.option("--svg", type=PATH, help="Write the picture there instead of to standard output.")
+@click.option("--svg", type=FILE, help="Write the picture there instead of to standard output.")
 def draw(world: str, number: int, seed: int, svg: Path | None) -> None:
     """Draw a case of WORLD at its beginning, as SVG.
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,7 @@ class Ended:
     errors: tuple[tuple[str, int, int], ...]  # commonest first: the planner's fault, how many cases, the first of them
     required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
     judged: Counter[Verdict] | None = None  # cases of each verdict, where something is required
+    first: Mapping[int, int] = field(default_factory=dict)  # the number of the first case of each sound outcome
 
     @property
     def verdicts(self) -> Counter[Verdict]:
@@ -95,6 +97,7 @@ def analyse(campaign: FinishedCampaign) -> Ended:
     known: dict[str, list[NDArray[np.float64]]] = {}
     required: tuple[Violations, ...] = ()
     own, judged = {}, None
+    firsts: dict[int, int] = {}
     for facts in [campaign.facts] if asked else campaign.parts(_UNREAD):
         first = facts["number"][: max(ASKED - n, 0)]
         earliest, survival = np.full((2, len(facts)), np.nan)
@@ -108,8 +111,9 @@ def analyse(campaign: FinishedCampaign) -> Ended:
         flags = published(facts)
         paper.update({one: int(getattr(flags, one).sum()) for one in ("reached", "feasible", "halted_once", "stuck")})
         slices.update({share: int(yes.sum()) for share, yes in shares(facts).items()})
-        codes, counts = np.unique(outcomes(facts), return_counts=True)
+        codes, places, counts = np.unique(outcomes(facts), return_index=True, return_counts=True)
         ended.update(dict(zip(codes.tolist(), counts.tolist(), strict=True)))
+        firsts = dict(zip(codes.tolist(), facts["number"][places].tolist(), strict=True)) | firsts
         errors.add(facts)
         n += len(facts)
         if asked:  # the only part
@@ -118,7 +122,7 @@ def analyse(campaign: FinishedCampaign) -> Ended:
     return Ended(
         campaign.label, cases.protocol, cases.seed, n, campaign.planned, campaign.signals, ended, paper, slices,
         summarised({name: np.concatenate(parts) for name, parts in known.items()}) | own,
-        errors.commonest(), required, judged,
+        errors.commonest(), required, judged, firsts,
     )  # fmt: skip
 
 

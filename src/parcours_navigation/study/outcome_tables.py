@@ -8,7 +8,7 @@ from parcours.report.pieces import Cell, Column, Figure, Marked, Table, Tone
 from parcours.report.rates import shares
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import wilson
-from parcours_navigation.outcomes import Outcome, Share
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share
 from parcours_navigation.study.analysis import ASKED, Ended
 from parcours_navigation.study.distribution import distribution_table
 
@@ -114,3 +114,18 @@ def error_table(ended: Mapping[str, Ended]) -> Table | None:
     columns = (Column("campaign"), Column("reason"), Column("cases"), Column("first case"))
     note = f"What the planners themselves did wrong; the {_FEW} commonest reasons of each."
     return Table("Errors", columns, rows, note)
+
+
+def failure_table(ended: Mapping[str, Ended]) -> Table | None:
+    """Return how many cases of each campaign failed in which way, and the first of them; None if none failed."""
+    ways = [outcome for outcome, verdict in VERDICT_OF.items() if verdict is Verdict.FAIL]
+    rows = tuple(
+        (name, OUTCOME_WORDS[way], one.outcomes[int(way)], one.first[int(way)])
+        for name, one in ended.items()
+        for way in ways
+        if one.outcomes[int(way)]
+    )
+    if not rows:
+        return None
+    columns = (Column("campaign"), Column("outcome"), Column("cases"), Column("first case"))
+    return Table("Failures", columns, rows, "To see one: parcours replay CAMPAIGN CASE.")

@@ -41,6 +41,7 @@ from parcours_navigation.study.distribution import SHOWN, measured, straight_way
 from parcours_navigation.study.outcome_tables import (
     OUTCOME_WORDS,
     error_table,
+    failure_table,
     measure_table,
     outcome_figure,
     outcome_table,
@@ -232,7 +233,8 @@ def report_folders(results: Mapping[str, Results]) -> Reported:
             for table in [requirement_table({name: one.required for name, one in ended.items()})]
             if table is not None
         ]
-        tables = [outcome_table(ended), *required, measure_table(ended), *errors]
+        failed = [table for table in [failure_table(ended)] if table is not None]  # a page lists such cases itself
+        tables = [outcome_table(ended), *required, measure_table(ended), *failed, *errors]
         pieces = [*errors, tables[0], outcome_figure(ended), *tables[1 : len(required) + 2]]
     documents: dict[str, object] = {name: one.document() for name, one in ended.items()}
     for one in others:

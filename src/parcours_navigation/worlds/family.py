@@ -133,15 +133,18 @@ class WorldCases:
 
 @dataclass(frozen=True, slots=True)
 class GivenWorldCases(WorldCases):
-    """Cases whose values are given instead of drawn; all else is drawn by their numbers."""
+    """Cases whose values are given instead of drawn; all else, and what is not given, is drawn by their numbers."""
 
     given: Mapping[int, tuple[float, ...]] = field(default_factory=dict)  # by the number of the case
 
     __hash__ = WorldCases.__hash__
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the given values of the cases, shape (n, n_inputs)."""
-        return np.array([self.given[number] for number in numbers.tolist()])
+        """Return the values of the cases, shape (n, n_inputs): case 0 is asked for to compile, given or not."""
+        drawn = WorldCases.values(self, numbers)
+        return np.array(
+            [self.given.get(k, tuple(row)) for k, row in zip(numbers.tolist(), drawn.tolist(), strict=True)]
+        )
 
 
 def _and(names: Sequence[str]) -> str:

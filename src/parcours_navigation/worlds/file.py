@@ -117,7 +117,8 @@ def find_world(name: str) -> World:
     if name in known:
         return read_world(known[name])
     if not name.endswith((".yaml", ".yml")):
-        remedy = one_of(name, list(known)) or "name a shipped world or a file"
+        beside = next((name + end for end in (".yaml", ".yml") if Path(name + end).is_file()), "")
+        remedy = f"did you mean the file {beside!r}?" if beside else one_of(name, list(known))
         raise BadWorld(f"world {name!r}", "it must be a shipped world or a .yaml file", remedy, slug="world-unknown")
     return read_world(Path(name))
 

@@ -70,6 +70,26 @@ def test_a_planner_for_a_car_is_shown_the_robot_of_the_world_that_is_named(write
     assert check_apart(name, checks).findings[0].level is Level.ERROR
 
 
+def test_a_robot_that_a_world_draws_is_that_of_its_first_case(write: Callable[[str], str]) -> None:
+    name = write("def f(o):\n    assert 0.5 <= o.task.limits.speed <= 0.6\n    return 0.1, 0.0\n")
+    world = Path(name.partition(":")[0]).with_name("drawn.yaml")
+    data = "data: {parameters: {top: {unit: m/s, edges: [0.5, 0.6]}}}\n"
+    world.write_text(
+        f"parcours: world/1\nname: drawn\nrobot: {{speed: top}}\ntask: {{start: [0, 0, 0], goal: [3, 0]}}\n{data}"
+    )
+    assert not check_apart(name, ["answers_in_form"], world=str(world)).findings
+
+
+def test_a_planner_that_reads_a_scan_without_declaring_it_is_told_how() -> None:
+    def scans(observation: Observation) -> object:
+        return 0.1, observation.scan.ranges.min()  # type: ignore[union-attr]
+
+    (finding,) = run_battery(Subject("", lambda: scans), ["answers_in_form"]).findings
+    assert 'declare it: needs = ("scan",)' in finding.remedy
+    (other,) = run_battery(Subject("", lambda: lambda observation: 1 / 0), ["answers_in_form"]).findings
+    assert other.remedy == "make it answer, whatever it sees"
+
+
 def test_an_error_at_a_gate_ends_the_battery_and_says_what_was_left() -> None:
     report = run_battery(Subject("", AnswersText))
     assert report.made == ("is_a_planner", "same_in_own_process", "answers_in_form")

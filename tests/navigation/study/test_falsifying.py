@@ -53,6 +53,29 @@ def test_what_the_study_requires_decides_what_is_searched_for(tmp_path: Path) ->
     assert not (tmp_path / "none").exists()
 
 
+WORLD = """
+parcours: world/1
+name: yard
+ground: {bounds: [0, 0, 12, 8], discs: [[x, 2, 0.4]]}
+sensing: {scan: {beams: 9}}
+task: {start: [1, 2, 0], goal: [11, 2], time_limit: 3}
+data: {parameters: {x: {unit: m, edges: [2, 6, 10]}}}
+"""
+
+
+@pytest.mark.parametrize(("least", "world"), [(0.1, []), (0.3, ["--set", "world=yard.yaml"])])
+def test_a_failure_of_a_planner_in_a_file_is_kept_when_it_is_not_case_0(
+    least: float, world: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("yard.yaml").write_text(WORLD)
+    needs = 'mine.needs = ("scan",)\n' if world else ""
+    Path("mine.py").write_text(f"def mine(observation):\n    return 0.2, 0.1\n{needs}")
+    rule = ["--set", "planner=mine.py:mine", "--set", f"fail=clearance < {least}", "--seed", "2", "--cause", "fails by"]
+    found = json.loads(invoke("falsify", "navigation", *rule, *world, "--out", "found", "--json").stdout)
+    assert found["number"] > 0 and all(Path(one).exists() for one in found["files"])
+
+
 @pytest.mark.parametrize(
     "given",
     [

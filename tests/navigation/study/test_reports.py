@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,13 @@ from parcours.report.pieces import Marked
 from parcours_navigation.outcomes import Outcome, Share
 from parcours_navigation.study.analysis import ASKED, Ended
 from parcours_navigation.study.distribution import MeasureSummary
-from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
+from parcours_navigation.study.outcome_tables import (
+    error_table,
+    failure_table,
+    measure_table,
+    outcome_figure,
+    outcome_table,
+)
 
 
 def ended(*, signals: bool, planned: int = 4, n: int = 4) -> Ended:
@@ -20,7 +27,8 @@ def ended(*, signals: bool, planned: int = 4, n: int = 4) -> Ended:
     shares = dict(zip(Share, (2, 1, 0, 1), strict=True))
     measures = {"spl": MeasureSummary("1", 4, 0.5, 0.4, 0.1, 0.9), "time_to_goal": MeasureSummary("s", 0)}
     errors = (("raised: KeyError", 1, 3),)
-    return Ended("mine", "table-vii", 1, n, planned, signals, outcomes, paper, shares, measures, errors)
+    first = {int(Outcome.REACHED): 0, int(Outcome.STUCK): 2, int(Outcome.ERROR): 3}
+    return Ended("mine", "table-vii", 1, n, planned, signals, outcomes, paper, shares, measures, errors, first=first)
 
 
 @pytest.fixture(autouse=True)
@@ -62,3 +70,10 @@ def test_a_document_leaves_out_what_needs_signals_and_keeps_reasons() -> None:
     assert without["errors"] == {"raised: KeyError": 1} and without["outcomes"] == with_signals["outcomes"]
     table = error_table({"a": ended(signals=False)})
     assert table is not None and table.rows == (("a", "raised: KeyError", 1, 3),)
+
+
+def test_failures_name_the_first_case_of_each_outcome_and_are_left_out_where_none_failed() -> None:
+    table = failure_table({"out/a": ended(signals=False)})
+    assert table is not None and table.rows == (("out/a", "stopped for good", 1, 2),)
+    none = replace(ended(signals=False), outcomes=Counter({int(Outcome.REACHED): 4, int(Outcome.ERROR): 1}))
+    assert failure_table({"out/a": none}) is None

@@ -104,3 +104,12 @@ def test_shipped_worlds_are_found_by_name(name: str) -> None:
 def test_an_unknown_world_is_refused_with_a_hint() -> None:
     with pytest.raises(BadWorld, match="did you mean 'doorway'"):
         find_world("dorway")
+
+
+def test_the_name_of_a_file_without_its_ending_is_refused_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "yard.yaml").touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadWorld, match=r"did you mean the file 'yard\.yaml'"):
+        find_world("yard")

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from parcours.errors import ParcoursError
+from parcours.model.structure import ENVIRONMENT
 from parcours.run.trace import Trace
 from parcours.study.components.executing import run_functional
 from parcours.study.components.landing import landing_of
@@ -51,6 +52,7 @@ def check_study(study: ComponentStudy, progress: Progress) -> list[StudyFinding]
         *_infeasible(study),
         *_untaken(study),
         *_unreached_inputs(study),
+        *_other_units(study),
         *_landing_nowhere(study, settings, progress),
     ]
     rank = {"error": 0, "warning": 1, "note": 2}
@@ -125,7 +127,7 @@ def _different_live(
 def _infeasible(study: ComponentStudy) -> Iterator[StudyFinding]:
     found = list(study.infeasible.items())
     for id, why in found[:_SHOWN]:
-        remedy = "no value of the tester's makes the guards of this case hold together"
+        remedy = "no value that the tester can choose makes the guards of this case hold together"
         yield StudyFinding("note", id, f"is left out: {why}", remedy)
     if len(found) > _SHOWN:
         yield StudyFinding(
@@ -160,6 +162,37 @@ def _unreached_inputs(study: ComponentStudy) -> Iterator[StudyFinding]:
             rule = "reaches nothing that the tester sends: no message field, input variable or formula has this name"
             remedy = "name a field like it, or use it under `supply:`; constructors may take an argument of this name"
             yield StudyFinding("warning", f"test input {name!r}", rule, remedy)
+
+
+def _other_units(study: ComponentStudy) -> Iterator[StudyFinding]:
+    """Yield test inputs that are passed on as they are to a field or input variable that is in another unit."""
+    sent = {channel.message for channel in study.model.channels if channel.receiver != ENVIRONMENT}
+    places = [
+        (f"field {message.name}.{field.name}", field.name, field.unit)
+        for message in study.model.messages
+        if message.name in sent
+        for field in message.fields
+    ]
+    places += [
+        (f"input variable {component.name}.{one.name}", one.name, one.unit)
+        for component in study.model.components
+        for one in component.variables
+        if one.role == "input"
+    ]
+    set_by_formula = {name for table in (study.supply, study.set_before) for each in table.values() for name in each}
+    units = {domain.name: domain.unit for domain in study.inputs.domains}
+    for place, name, unit in places:
+        mine = units.get(name, "1")
+        if "1" not in (mine, unit) and _bare(mine) != _bare(unit) and name not in set_by_formula:
+            rule = f"is in {mine}, but {place}, which is given its values as they are, is in {unit}"
+            yield StudyFinding(
+                "warning", f"test input {name!r}", rule, "give both in one unit, or convert it: `supply:`"
+            )
+
+
+def _bare(unit: str) -> str:
+    """Return a unit in one spelling: m/s^2, m/s2 and m/s² are the same."""
+    return unit.translate(str.maketrans("²³", "23", " ^*"))
 
 
 def _landing_nowhere(study: ComponentStudy, settings: Settings, progress: Progress) -> Iterator[StudyFinding]:
