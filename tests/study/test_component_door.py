@@ -240,8 +240,13 @@ def test_durations_are_judged_against_their_limits(lift: Path) -> None:
     )
     (lift / "lift.py").write_text(f"from time import sleep\n{source}")
     study = timed(lift, 'ITP1: "p50 < 10 s", ITP2: "p50 < 1 ms"')
-    results = run(study, lift / "out", repeats=20)
-    verdicts = {(one.id.split("/")[2][:4], one.verdict) for one in results.cases() if one.id.startswith("timing/")}
+    for attempt in range(
+        5
+    ):  # the noise of a busy machine may be longer than those 40 ms, which is said, and tried again
+        results = run(study, lift / f"out{attempt}", repeats=20)
+        verdicts = {(one.id.split("/")[2][:4], one.verdict) for one in results.cases() if one.id.startswith("timing/")}
+        if Verdict.INCONCLUSIVE not in dict(verdicts).values():
+            break
     assert verdicts == {("ITP1", Verdict.PASS), ("ITP2", Verdict.FAIL)}
     assert 0.0 < results.measures()["duration"].values[-1] < 10.0
 

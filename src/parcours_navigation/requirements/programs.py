@@ -85,7 +85,7 @@ def compile_formulas(formulas: Sequence[Formula], names: Sequence[str] = tuple(S
     >>> near = parse("always (clearance > 0.1 -> speed < 0.2)").formula
     >>> program = compile_formulas([near, parse("eventually clearance > 0.1").formula])
     >>> len(program.code), int(program.wanted.sum())  # a comparison is shared
-    (7, 2)
+    (6, 2)
     """
     compiler = _Compiler(list(names))
     return compiler.program([compiler.formula(one) for one in formulas])
