@@ -29,6 +29,9 @@ SMALL = """[...document.querySelectorAll('main svg text, main svg tspan')].flatM
     return size < 10.95 ? [`${text.textContent}: ${size.toFixed(1)} px`] : [];
 }).slice(0, 5)"""
 
+# What a page does when its window is resized is done with the next frame; the one after that shows it.
+DRAWN = "() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
+
 # From file://, axe cannot load style sheets by itself, and would say so on the console; what passes is of no interest.
 AXE = {"preload": False, "resultTypes": ["violations"]}
 
@@ -81,6 +84,7 @@ def look_over() -> Callable[[Tab, str, str], None]:
         width, height = SIZES[size]
         tab.set_viewport_size({"width": width, "height": height})
         tab.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        tab.evaluate(DRAWN)
         said = f"{tab.url}, {size}, {scheme}"
         assert tab.evaluate("document.documentElement.scrollWidth") <= width, f"{said}: the page scrolls sideways"
         assert tab.evaluate(CUT) == [], f"{said}: a column of a table is cut"
