@@ -35,6 +35,7 @@ from parcours.run.exception_text import described
 from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, case_in, new_block, share, write_last_place, write_place
 from parcours.run.keeper import BoundedText, can_keep, end_with, keep, memory_for_each
 from parcours.run.messages import LineMessages, packed
+from parcours.run.safe_path import safe_path
 
 R = TypeVar("R")
 _GRACE = 3.0
@@ -78,10 +79,6 @@ class Lost:
         return f"was killed by signal {-self.status}" if self.status < 0 else f"ended with exit code {self.status}"
 
 
-_SAFE_PATH = "PYTHONSAFEPATH"
-"""Set while a worker's interpreter starts, which would take a `types.py` of the working folder for Python's own."""
-
-
 class _Worker:
     """One process, the line to it, and the item that it is on."""
 
@@ -99,20 +96,14 @@ class _Worker:
         arguments: tuple[Any, ...] = (theirs, crew.task, block, says, lifeline, held, crew.own_group, crew.strangers)
         if self.kept:
             arguments = (memory_for_each(crew.size), *arguments)
-        alone = not crew.forks and _SAFE_PATH not in os.environ
-        if alone:
-            run, arguments = _serve_alone, (run, *arguments)
-        self.process = context.Process(target=run, args=arguments, daemon=True)
         try:
-            os.environ.update({_SAFE_PATH: "1"} if alone else {})
-            self.process.start()
+            with contextlib.nullcontext(run) if crew.forks else safe_path(run) as target:
+                self.process = context.Process(target=target, args=arguments, daemon=True)
+                self.process.start()
         except (AttributeError, TypeError, ImportError, ValueError, pickle.PicklingError) as error:
             rule = f"what runs in workers must be importable there, but: {error}"
             remedy = "name it 'module:function', or use one worker"
             raise BadRequest("workers", rule, remedy, slug="not-picklable") from error
-        finally:
-            if alone:
-                del os.environ[_SAFE_PATH]
         for end in (theirs, says, lifeline):
             end.close()
         os.set_blocking(self.said.fileno(), False)
@@ -120,8 +111,7 @@ class _Worker:
         self.ended: int = os.pidfd_open(self.process.pid) if can_keep() else self.process.sentinel
         self.watch = WorkerWatch(block, self.said.fileno(), crew.patience)
         self.key: int | None = None
-        self.n_items = 0
-        self.hung = False
+        self.n_items, self.hung = 0, False
         self._own_group, self._strangers = crew.own_group, crew.strangers
         self._messages = LineMessages()
 
@@ -343,12 +333,6 @@ def _say(message: tuple[str, object]) -> None:
 def is_worker() -> bool:
     """Return whether this process does tasks for another one."""
     return _line is not None
-
-
-def _serve_alone(run: Callable[..., None], *more: Any) -> None:
-    """Serve in an interpreter of its own, which has left out the working folder until it was given our path."""
-    os.environ.pop(_SAFE_PATH, None)
-    run(*more)
 
 
 def _serve_kept(memory: int, line: Connection, *more: Any) -> None:
