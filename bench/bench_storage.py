@@ -1,6 +1,6 @@
 """Prints how many bytes a case of RAMP takes in a campaign's folder, and whether a bucket holds the bytes of a folder.
 
-python bench/bench_storage.py [--cases 10240] [--bucket]
+python bench/bench_storage.py [--cases 16384] [--bucket]
 
 The bytes are those of shards and sums, beside the same records in one file of xz at its strongest. With --bucket, a
 server that speaks S3 (pip install 'moto[server]' s3fs 'parcours[cloud]') gets the parking example from one run, from
@@ -30,7 +30,7 @@ KEYS = {"AWS_ACCESS_KEY_ID": "none", "AWS_SECRET_ACCESS_KEY": "none", "AWS_DEFAU
 
 def print_sizes(folder: Path, n_cases: int) -> None:
     study = system_study("original", seed=1)
-    for size in (16, 64, 256, 1024):
+    for size in (16, 64, 256, 1024, 4096):
         store = run_campaign(study, study.campaign(n_cases, size), folder / str(size), workers=2).store
         n_bytes = sum(path.stat().st_size for path in (folder / str(size)).glob("shard-*"))
         print(f"shards of {size:5d} cases: {n_bytes / n_cases:6.1f} bytes a case", flush=True)
@@ -95,7 +95,7 @@ def _begun(url: str) -> bool:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=10240)
+    parser.add_argument("--cases", type=int, default=16384)
     parser.add_argument("--bucket", action="store_true")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests_ros2.conftest import Run
 
 from parcours.errors import BadRequest
 from parcours.run.binding import Binding, parse_binding, read_binding
-from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
-from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.cases import abstract_scenes
 from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.recorded import rejudge
 from parcours_navigation.foreign.running import ForeignStudy
-from parcours_navigation.foreign.tester_messages import Maker
+from parcours_navigation.foreign.setup_steps import act
 
 ERRAND = Path(__file__).parent / "errand" / "binding.yaml"
 SUCCEEDED, CANCELED = 4.0, 5.0
@@ -32,41 +30,78 @@ def place(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "46")
 
 
-def without(node: str) -> Binding:
-    text = ERRAND.read_text()
+@pytest.fixture(params=[False, True], ids=["one domain", "two domains"])
+def errand(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The binding; or one whose client and server are on two domains, neither that of the environment."""
+    folder = shutil.copytree(ERRAND.parent, tmp_path / "errand")
+    file, interfaces = folder / "binding.yaml", ERRAND.parents[2] / "examples" / "ros2_navigation" / "interfaces"
+    text = file.read_text().replace("../../examples/ros2_navigation/interfaces", str(interfaces))
+    for node, domain in (("/dispatcher", 64), ("/driver", 65)) if request.param else ():
+        text = text.replace(f"ros_node: {node}\n", f"ros_node: {node}\n    domain: {domain}\n")
+    file.write_text(text)
+    return file
+
+
+def without(node: str, file: Path) -> Binding:
+    text = file.read_text()
     begin = text.index(f"  {node}:\n    command")
-    return parse_binding(text[:begin] + text[text.index("60 s\n", begin) + 5 :], str(ERRAND))
+    file.write_text(text[:begin] + text[text.index("60 s\n", begin) + 5 :])
+    return read_binding(file)
 
 
 @pytest.mark.parametrize("ending", ["arrived", "stop"])
-def test_goals_feedback_results_and_cancellations_pass_between_two_nodes(tmp_path: Path, ending: str) -> None:
-    with ForeignHost(read_binding(ERRAND), tmp_path) as host:
-        session = Session(host, whole(host.binding))
-        maker = Maker(host.compile())
-
-        def say(channel: str, until: Callable[[], bool]) -> None:
-            session.relay.inject(channel, maker.of_the_environment(channel, session.now()))
-            last = session.now() + 20_000_000_000
-            while not until() and session.now() < last:
-                session.poll(session.now() + 5_000_000)
-            assert until(), [(one.kind, one.channel, one.text) for one in session.relay.events]
-
-        def has(kind: str, channel: str) -> bool:
-            return any((one.kind, one.channel) == (kind, channel) for one in session.relay.events)
-
+def test_goals_feedback_results_and_cancellations_pass_between_two_nodes(
+    errand: Path, tmp_path: Path, ending: str
+) -> None:
+    with ForeignHost(read_binding(errand), tmp_path) as host:
+        run = Run(host)
         try:
-            session.start()
-            say("order", lambda: has("receive", "left"))
-            say(ending, lambda: has("receive", "done"))
+            assert run.say("order", lambda: run.has("receive", "left"))
+            assert run.say(ending, lambda: run.has("receive", "done"))
         finally:
-            session.end()
-        [done] = [one.payload for one in session.relay.events if (one.kind, one.channel) == ("receive", "done")]
-        said = Decoder(host.binding, host.graph.types).message("done", done.content)  # type: ignore[attr-defined]
+            run.session.end()
+        said = run.message("done")
     assert (said.point.x, said.point.y) == (SUCCEEDED if ending == "arrived" else CANCELED, 7.0)
     assert 1 <= said.header.stamp.sec < 1_000_000, "nodes take their time from the tester"
-    way = [one.channel for one in session.relay.events if one.kind == "receive"]
+    way = [one.channel for one in run.session.relay.events if one.kind == "receive"]
     called_back = ["cancel"] if ending == "stop" else []
     assert way == ["order", "goal", "left", ending, *called_back, "result", "done"]
+
+
+def test_parts_of_an_action_that_are_not_bound_go_from_node_to_node(errand: Path, tmp_path: Path) -> None:
+    text, domain = errand.read_text(), ", domain: 65" if "65" in errand.read_text() else ""
+    heard = f"{{topic: /errand/_action/feedback, type: nav2_msgs/NavigateToPose_FeedbackMessage{domain}}}"
+    errand.write_text(f"{text[: text.index('  left:')]}observe:\n  heard: {heard}\n")
+    with ForeignHost(read_binding(errand), tmp_path) as host:
+        run = Run(host)
+        try:
+            assert run.say("order", lambda: run.has("receive", "heard"))
+            assert run.say("stop", lambda: run.has("receive", "done"))
+        finally:
+            run.session.end()
+        said = run.message("done")
+    assert (said.point.x, said.point.y) == (CANCELED, 7.0)
+
+
+FLEET = Path(__file__).parent / "fleet" / "binding.yaml"
+
+
+def test_robots_of_one_name_on_domains_of_their_own_serve_an_action_each_on_the_testers_time(tmp_path: Path) -> None:
+    with ForeignHost(read_binding(FLEET), tmp_path) as host:
+        run = Run(host)
+        try:
+            act(run.session, "before_case")
+            assert run.say("north_goal", lambda: run.has("receive", "north_left"))
+            assert run.say("south_goal", lambda: run.has("receive", "south_left"))
+            assert run.say("south_arrived", lambda: run.has("receive", "south_result"))
+            assert not run.has("receive", "north_result")
+            assert run.say("north_arrived", lambda: run.has("receive", "north_result"))
+        finally:
+            run.session.end()
+        feedback = [run.message(channel).feedback for channel in ("north_left", "south_left")]
+        results = [run.message(channel).status for channel in ("north_result", "south_result")]
+    assert ([one.distance_remaining for one in feedback], results) == ([3.0, 4.0], [SUCCEEDED, SUCCEEDED])
+    assert all(1 <= one.current_pose.header.stamp.sec < 1_000_000 for one in feedback), "both follow /clock"
 
 
 WRONG = {
@@ -87,11 +122,11 @@ def test_parts_of_an_action_belong_to_a_goal_and_go_its_way(wrong: str) -> None:
 
 
 @pytest.mark.parametrize("absent", ["", "Dispatcher", "Driver"])
-def test_cases_of_the_model_pass_whoever_is_played_by_the_tester(tmp_path: Path, absent: str) -> None:
-    binding = without(absent) if absent else read_binding(ERRAND)
+def test_cases_of_the_model_pass_whoever_is_played_by_the_tester(errand: Path, tmp_path: Path, absent: str) -> None:
+    binding = without(absent, errand) if absent else read_binding(errand)
     ids = [scene.id for scene in abstract_scenes(binding, 1) if scene.id.endswith("/0")]
     with ForeignHost(binding, tmp_path / "nodes") as host:
-        order = ProcessOrder(str(ERRAND), str(tmp_path), abstract=tuple(ids[:2]), record="mcap")
+        order = ProcessOrder(str(errand), str(tmp_path), abstract=tuple(ids[:2]), record="mcap")
         results = list(ForeignStudy(host, order).run())
     for result in results:
         assert result.judged.judgement.passed, (result.id, result.judged.judgement.why)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from tests_ros2.conftest import soon
+from tests_ros2.conftest import Run, soon
 
 from parcours.errors import HostFailure
 from parcours.run.binding import read_binding
@@ -76,6 +76,40 @@ def test_the_order_of_a_case_is_enforced_over_domains(parted: Path, tmp_path: Pa
         order = ProcessOrder(str(parted), str(tmp_path), abstract=("sale-tp11.tp31-0.0/0",))
         [result] = ForeignStudy(host, order).run()
     assert result.judged.judgement.passed, result.judged.judgement.why
+
+
+LAUNCHED = """  Launch:
+    command: [sh, -c, "python3 passing.py /tick /reading --ros-args -r __node:=sensor PARAMETER & wait"]
+    components: []
+    domain: 68
+  Sensor:
+    running: true
+    ros_node: /sensor
+    domain: 68
+    after: [Launch]
+    timeout: 60 s
+"""
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_launched_node_that_does_not_follow_clock_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, follows: bool
+) -> None:
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("ROS_DOMAIN_ID", "60")
+    file = shutil.copytree(COUNTER.with_name("bridge"), tmp_path / "bridge") / "binding.yaml"
+    text = file.read_text()
+    launched = LAUNCHED.replace("PARAMETER", f"-p use_sim_time:={str(follows).lower()}")
+    text = text[: text.index("  Sensor:")] + launched + text[text.index("  Display:") :]
+    file.write_text(text.replace("\nnodes:", "clock: 100 Hz\n\nnodes:"))
+    with ForeignHost(read_binding(file), tmp_path / "nodes") as host:
+        if follows:
+            run = Run(host)
+            assert run.say("tick", lambda: run.has("receive", "shown"))
+            run.session.end()
+        else:
+            with pytest.raises(HostFailure, match=r"node Sensor: /sensor@68 must take .*ros2-sim-time"):
+                Run(host)
 
 
 def sees(host: ForeignHost, node: str) -> bool:

@@ -30,7 +30,7 @@ try:
     import numba
     import numba.extending
 except ImportError:
-    numba = None  # type: ignore[assignment]
+    numba = None
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -63,7 +63,7 @@ def kernel_cache() -> Path:
 
 
 if IS_COMPILED:
-    numba.config.CACHE_DIR = str(kernel_cache())  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(kernel_cache())
 
 
 def kernel(function: F) -> F:
@@ -85,9 +85,11 @@ def heap_kernel(function: F) -> F:
 def _compiled(function: F, heap: bool) -> F:
     if not IS_COMPILED:
         return _plain(function)
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "cache": True, "nogil": True, "_nrt": heap}
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": True, "_nrt": heap}
     options["no_cfunc_wrapper"] = True  # nobody takes a kernel's address, and that wrapper is a tenth of compilation
-    return cast(F, numba.njit(**options)(function))
+    from parcours.kernel_compiler import Kernel  # numba is there
+
+    return cast(F, Kernel(function, options))
 
 
 def _plain(function: F) -> F:
@@ -120,6 +122,26 @@ def is_warm() -> bool:
     """Return whether an earlier run has compiled these very sources, or there is no numba to compile them."""
     folder = kernel_cache()
     return not IS_COMPILED or (folder.is_dir() and any(folder.rglob("*.nbc")))
+
+
+def tell_of_compiling(tell: Callable[[], None]) -> None:
+    """Call a function once, when this process first compiles anything: an earlier run may have compiled a part only."""
+    if not IS_COMPILED:
+        return
+    from numba.core import event
+
+    awaited = {os.getpid()}  # a process that is forked off tells nothing
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def on_start(self, _: object) -> None:
+            if os.getpid() in awaited:
+                awaited.clear()
+                tell()
+
+        def on_end(self, _: object) -> None:
+            """Only the start is reported."""
+
+    event.register("numba:compile", Listener())
 
 
 class Spent(Exception):
@@ -176,7 +198,7 @@ def spend() -> bool:
 def keep_kernels_in(folder: Path) -> None:
     """Keep the machine code of kernels that are defined from now on in a folder of their own."""
     if IS_COMPILED:
-        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+        numba.config.CACHE_DIR = str(folder)
 
 
 def refused_lines(error: BaseException) -> list[tuple[str, int]]:
@@ -203,7 +225,7 @@ def _share_words() -> None:
             words.linkage = "external"
         return builder.gep(words, [ir.Constant(word, 0), k])
 
-    @numba.extending.intrinsic
+    @numba.extending.intrinsic  # type: ignore[untyped-decorator]
     def load(context: Any, where: Any) -> Any:
         def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             place = builder.add(arguments[0], ir.Constant(word, _FIRST))
@@ -212,7 +234,7 @@ def _share_words() -> None:
 
         return int64(int64), code
 
-    @numba.extending.intrinsic
+    @numba.extending.intrinsic  # type: ignore[untyped-decorator]
     def count(context: Any) -> Any:
         def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             place = at(builder, ir.Constant(word, _LEFT))
@@ -223,11 +245,11 @@ def _share_words() -> None:
         return int64(), code
 
     def spending() -> bool:
-        if count() < 0:  # type: ignore[call-arg]
+        if count() < 0:
             raise Spent("its loops go round and round")
         return True
 
-    numba.extending.overload(chosen)(lambda place: lambda place: load(place))  # type: ignore[call-arg]
+    numba.extending.overload(chosen)(lambda place: lambda place: load(place))
     numba.extending.overload(spend)(lambda: spending)
 
 

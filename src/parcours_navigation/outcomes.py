@@ -160,4 +160,7 @@ def explain(record: np.void) -> str:
         since = f"{seconds['t_last_moving']:.1f} s"
         return f"halted for imminent collision at {place}{hit} since {since}, never moved again"
     gap = f"{record['to_goal']:.2f} m from the goal"
-    return f"at {place}, {gap}, when the test ended; it did not arrive later, either"
+    hit = (
+        f"; an obstacle had run into it at {record['t_contact'] * 1e-9:.2f} s" if record["n_obstacle_contacts"] else ""
+    )
+    return f"at {place}, {gap}, when the test ended at {seconds['t_end']:.2f} s{hit}; it did not arrive later, either"

@@ -80,3 +80,9 @@ def test_a_former_name_is_refused_with_todays() -> None:
         assert isinstance(refused, BadRequest) and refused.slug == "option-renamed", line
     unknown = CliRunner().invoke(parcours, ["paths", "--nonsense", "model.yaml"])
     assert unknown.exit_code == 2 and "No such option" in unknown.output
+
+
+def test_one_error_of_a_model_is_not_called_errors(tmp_path: Path) -> None:
+    (tmp_path / "model.yaml").touch()
+    said = CliRunner().invoke(parcours, ["model", "check", str(tmp_path / "model.yaml")]).stdout
+    assert said.endswith("model.yaml: 1 error, 0 warnings\n")

@@ -162,3 +162,14 @@ def test_the_other_engine_agrees_on_what_must_be_held() -> None:
 def test_more_combinations_than_can_be_counted_are_refused_before_any_work() -> None:
     with pytest.raises(BadRequest, match="tuples-many"):
         goals_of([10] * 1000, 6)
+
+
+def test_what_compiling_takes_is_in_the_time_of_no_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+
+    def slow(*given: object) -> None:
+        now[0] += 60.0  # as the compiler takes
+
+    monkeypatch.setattr("parcours.data.arrays.building.repair", slow)
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    assert covering_array(goals_of((2, 2), 2)).stages[0].seconds == 0.0

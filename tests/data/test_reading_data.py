@@ -75,6 +75,7 @@ def test_constants_can_be_replaced_by_name() -> None:
         ('range: "[0, 2]"', 'range: "[0, 3]"', 8, "blocks-range"),
         ("[-pi/2, 0, pi/2]", "[0, 0]", 9, "edges-order"),
         ("[-pi/2, 0, pi/2]", "[0]", 9, "edges-few"),
+        ("[-pi/2, 0, pi/2]", "[0, 2e999]", 9, "overflow"),
         ("[-pi/2, 0, pi/2]", "0", 9, "kind"),
         ("edges: [-pi/2, 0, pi/2]", "closed: left", 9, "blocks-or-edges"),
         ("edges: [-pi/2", 'blocks: ["[0, 1]"], edges: [-pi/2', 9, "blocks-or-edges"),
@@ -95,6 +96,12 @@ def test_each_fault_is_found_at_its_line(old: str, new: str, line: int, slug: st
         parse_input_model(GOOD.replace(old, new, 1), "two.yaml")
     assert f"two.yaml:{line}: " in str(caught.value)
     assert f"[{slug}]" in str(caught.value)
+
+
+def test_a_number_that_cannot_be_read_has_no_other_faults() -> None:
+    with pytest.raises(BadDomain) as caught:
+        parse_input_model(GOOD.replace("[-pi/2, 0, pi/2]", "[0, 2e999]", 1), "two.yaml")
+    assert caught.value.slug == "overflow"
 
 
 def test_all_faults_are_said_together() -> None:

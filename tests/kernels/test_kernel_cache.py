@@ -94,3 +94,26 @@ def _quotient(a: float, b: float) -> float:
 
 def test_division_by_zero_in_a_kernel_gives_infinity_as_ieee_754_says() -> None:
     assert _quotient(1.0, 0.0) == float("inf")
+
+
+COLD = """
+import numpy as np
+from parcours import kernels, streams
+told = []
+kernels.tell_of_compiling(lambda: told.append("compiling"))
+stream = np.zeros(1, np.uint64)
+streams.start(stream, np.uint64(1), np.uint64(3), np.uint64(9))
+streams.below(stream, 7)
+print(kernels.is_warm(), told)
+"""
+
+
+def test_compiling_is_told_once_by_a_process_that_compiles_and_by_no_later_one(tmp_path: Path) -> None:
+    environment = {**os.environ, "PARCOURS_CACHE_DIR": str(tmp_path)}
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True, timeout=300
+        ).stdout
+        for _ in range(2)
+    ]
+    assert said == ["True ['compiling']\n", "True []\n"]

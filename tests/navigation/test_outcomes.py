@@ -83,3 +83,9 @@ def test_every_case_lies_in_exactly_one_slice_of_figure_5b() -> None:
 
 def test_every_outcome_has_a_verdict() -> None:
     assert set(VERDICT_OF) == set(Outcome)
+
+
+def test_a_case_that_another_ended_says_when_it_ended_and_who_ran_into_whom() -> None:
+    hit = facts(n_obstacle_contacts=1, t_contact=6_450_000_000, t_end=6_460_000_000)[0]
+    assert "when the test ended at 6.46 s; an obstacle had run into it at 6.45 s" in explain(hit)
+    assert "run into" not in explain(facts()[0])

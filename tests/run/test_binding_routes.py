@@ -24,8 +24,6 @@ from parcours.run.binding import (
     remappings,
     routes,
 )
-from parcours.run.binding.domains import at_home
-from parcours.run.binding.slots import whole
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PYTHON = EXAMPLES / "ros1_python" / "binding.yaml"
@@ -228,35 +226,6 @@ def test_a_node_that_the_user_starts_needs_its_names_parted_by_hand() -> None:
     assert (route.out, route.into) == ("/control/update", "/update")
     overheard = bound(RAMP, RUNNING, ("    topic: /update\n", "    topic: /update\n    observe: true\n"))
     assert next(route for route in routes(overheard) if route.channel == "update").access == "observe"
-
-
-def test_nodes_on_two_domains_are_met_there_and_their_names_need_not_be_parted() -> None:
-    on = {"/obstacle_filter": 1, "/avoider": 2}
-    moved = tuple(
-        (f"ros_node: {name}\n", f"ros_node: {name}\n    domain: {on[name]}\n    remap: false\n") for name in on
-    )
-    binding = bound(EXAMPLES / "ros2_python" / "binding.yaml", *moved)
-    ends = {(spoke.slot, spoke.side): spoke.address for spoke in whole(binding).spokes if "obstacles" in spoke.channels}
-    assert ends == {("ObstacleFilter", "out"): "/obstacles@1", ("Planner", "into"): "/obstacles@2"}
-    assert not [spoke for spoke in whole(binding).spokes if spoke.slot == "Follower" and "@" in spoke.address]
-    at_2 = at_home(binding, 2)
-    assert [node.domain for node in at_2.nodes] == [1, None, None]
-    one = {
-        name: (given, instead.replace("domain: 2", "domain: 1"))
-        for name, (given, instead) in zip(on, moved, strict=True)
-    }
-    refused, found = check_binding(edited(EXAMPLES / "ros2_python" / "binding.yaml", *one.values()), str(PYTHON))
-    assert refused is None
-    assert {finding.rule for finding in found} == {"binding-separation"}
-
-
-def test_only_ros_2_has_domains_and_a_stack_is_on_one() -> None:
-    given = ("ros_node: /avoider\n", "ros_node: /avoider\n    domain: 3\n")
-    refused, found = check_binding(edited(PYTHON, given), str(PYTHON))
-    assert (refused, [finding.rule for finding in found]) == (None, ["binding-domain"])
-    stack = EXAMPLES / "ros2_navigation" / "dwa.yaml"
-    refused, found = check_binding(edited(stack, ("ros_node: /dwa", "ros_node: /dwa\n    domain: 3")), str(stack))
-    assert (refused, [finding.rule for finding in found]) == (None, ["binding-domain"])
 
 
 def test_both_ends_in_one_process_cannot_be_relayed() -> None:

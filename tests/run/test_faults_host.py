@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.faults import NO_FAULTS, Effects, FaultPlan, parse_plan
+from parcours.run.faults import Effects, FaultPlan, parse_plan
 from parcours.run.hosts.battery import Counting, Sink, Source
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Step
@@ -71,7 +71,7 @@ def told(trace: Trace, kind: str = "note") -> list[tuple[int, str]]:
 
 
 def test_a_plan_without_faults_changes_nothing() -> None:
-    plain, empty = pipe(None), pipe(NO_FAULTS)
+    plain, empty = pipe(None), pipe(FaultPlan())
     idle = pipe("seen: drop from 50 s; numbers: delay 1 ms messages 900")
     assert plain[1].trace() == empty[1].trace() == idle[1].trace()
     assert plain[0] == empty[0] == idle[0]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from parcours.run import heartbeat as heartbeat
 from parcours.run.strangers import computed
@@ -70,11 +71,11 @@ def test_a_stopped_machine_counts_as_one_look() -> None:
 def test_only_what_goes_forward_is_a_sign_of_life() -> None:
     with worker(limit=0.1) as (watch, words, _):
         seen = []
-        for time_said in (0.0, 5.0, 3.0, 4.0, 1e300, float("nan"), 5.0, -1.0, 2.0, 4.0, 4.5, 4.9):
-            words[heartbeat.TIME] = time_said
+        for ticks in (0.0, 5.0, 3.0, 4.0, 1e300, float("nan"), 5.0, -1.0, 5.2, 5.4, 5.6, 5.9):
+            words[heartbeat.TIME] = 1e7 * ticks
             seen.append(watch.has_hung())
         assert seen == [False] * 8 + [True] * 4
-        words[heartbeat.TIME] = 6.0
+        words[heartbeat.TIME] = 7e7
         assert not watch.has_hung()
 
 
@@ -84,9 +85,18 @@ def test_what_was_said_of_cases_cannot_be_taken_back() -> None:
         assert watch.lost("died", "so") == heartbeat.LostCase(4, 3, "died", "so")
         words[heartbeat.TIME] = float("nan")
         assert watch.lost("died", "so") == heartbeat.LostCase(4, 0, "died", "so")
-        heartbeat._ENTRY.pack_into(entry := bytearray(16), 0, heartbeat.NO_CASE, 0.0)
+        heartbeat._ENTRY.pack_into(entry := bytearray(16), 0, heartbeat.NO_CASE, 1.0)
         os.write(pipe, entry)
         assert watch.lost("died", "so") is None
+
+
+@pytest.mark.parametrize("bytes_of_others", [b"x", bytes(16), bytes(17), b"\xff" * 48])
+def test_after_bytes_of_others_nothing_is_believed(bytes_of_others: bytes) -> None:
+    with worker(limit=0.1) as (watch, _, pipe):
+        os.write(pipe, bytes_of_others)
+        assert watch.was_garbled()
+        os.write(pipe, heartbeat._ENTRY.pack(2.0, 0.1))
+        assert watch.lost("tampered", "so") == heartbeat.LostCase(4, None, "tampered", "so")
 
 
 @contextlib.contextmanager
@@ -95,7 +105,7 @@ def worker(limit: float) -> Iterator[tuple[heartbeat.WorkerWatch, np.ndarray, in
     block = heartbeat.new_block(multiprocessing, 3)
     ours, theirs = os.pipe()
     os.set_blocking(ours, False)
-    os.write(theirs, heartbeat._ENTRY.pack(-4711.0, 0.0) + heartbeat._ENTRY.pack(4.0, limit))
+    os.write(theirs, heartbeat._ENTRY.pack(-4711.0, 1.0) + heartbeat._ENTRY.pack(4.0, limit))
     try:
         yield heartbeat.WorkerWatch(block, ours), np.frombuffer(block), theirs
     finally:

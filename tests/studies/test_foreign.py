@@ -101,6 +101,17 @@ def _told(relay: Relay) -> list[tuple[str, str, str]]:
     return [(event.kind, event.component, event.channel) for event in relay.events]
 
 
+def test_a_message_goes_on_before_anybody_is_told_of_it_and_remarks_keep_their_place(binding: Binding) -> None:
+    graph, slot_plan, told = _Graph(), whole(binding), list[TraceEvent]()
+    kind = lambda channel: Raw(channel, "*", "", b"")  # noqa: E731
+    relay = Relay(binding, slot_plan, graph, kind, graph.now, listener=told.append)
+    relay.heard(_out(slot_plan, "obstacles"), b"as it came")
+    assert len(graph.said) == 2 and not told
+    relay.note("meanwhile")
+    relay.report()
+    assert told == relay.events and [event.kind for event in told] == ["send", "receive", "send", "receive", "note"]
+
+
 def test_one_topic_of_two_channels_reaches_both_receivers_unchanged(binding: Binding) -> None:
     relay, graph, slot_plan = _relay(binding)
     relay.heard(_out(slot_plan, "obstacles"), b"as it came")

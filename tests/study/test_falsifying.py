@@ -36,11 +36,11 @@ class Bowl:
         raise AssertionError
 
 
-def ran(search: Bowl, seed: int, method: Method = "cross-entropy", budget: int = 2000, cause: str = "") -> Falsified:
+def ran(search: Bowl, seed: int, method: Method = "evolution", budget: int = 2000, cause: str = "") -> Falsified:
     return falsify(search, seed=seed, budget=budget, progress=lambda what, done, all: None, method=method, cause=cause)
 
 
-def test_cross_entropy_finds_in_hundreds_of_simulations_what_random_cases_find_in_thousands() -> None:
+def test_evolution_finds_in_hundreds_of_simulations_what_random_cases_find_in_thousands() -> None:
     guided = [ran(Bowl(0.03), seed) for seed in range(10)]
     assert all(one.cause == "too near" and one.robustness < 0.0 for one in guided)
     assert np.median([one.simulations for one in guided]) < 500
@@ -57,7 +57,7 @@ def test_a_search_ends_with_its_budget_counts_what_it_simulates_and_repeats_itse
 
 def test_cases_lie_in_their_domains_and_meet_the_constraints() -> None:
     given = parse_input_model(AXES + "constraints: {near: {row: a + b < 3}}\n", "axes")
-    for method in ("cross-entropy", "random"):
+    for method in ("evolution", "random"):
         search = Bowl(-1.0, given)
         ran(search, 1, method, 400)
         seen = np.concatenate(search.seen)

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from parcours.cli import parcours
-from parcours.errors import BadResults
+from parcours.errors import BadRequest, BadResults
 from parcours.study.finding import find
 from parcours.study.history import read_history
 from parcours.study.parameters import settings_of
@@ -67,3 +67,10 @@ def test_paired_runs_give_the_interval_of_each_difference(runs: dict[int, Path])
     assert found["shared"] == 24
     for row in found["rows"]:
         assert row["low"] <= 0.0 == row["now"] - row["before"] <= row["high"] and row["high"] - row["low"] < 0.5
+
+
+def test_a_rate_that_no_run_has_is_refused_before_anything_is_appended(runs: dict[int, Path], tmp_path: Path) -> None:
+    file = tmp_path / "history.jsonl"
+    refused = CliRunner().invoke(parcours, ["history", str(file), str(runs[1]), "--rate", "faild"])
+    assert isinstance(refused.exception, BadRequest) and refused.exception.slug == "history-rate"
+    assert "did you mean 'failed'" in str(refused.exception) and not file.exists()

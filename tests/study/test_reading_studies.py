@@ -178,6 +178,14 @@ def test_all_mistakes_are_said_at_once_in_the_order_of_their_lines(written: Writ
     assert "study-errors" in said[-1]
 
 
+def test_a_folder_in_the_place_of_the_model_is_said_to_be_one(written: Written) -> None:
+    folder = written("")
+    (folder / "model.yaml").unlink()
+    (folder / "model.yaml").mkdir()
+    said = complaint(folder)
+    assert "model must be a file, but 'model.yaml' is a folder" in said and "there is no" not in said
+
+
 def test_mistakes_of_the_files_that_a_study_names_are_said_with_theirs(written: Written) -> None:
     folder = written("combine: all")
     model = folder / "model.yaml"

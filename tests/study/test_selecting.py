@@ -94,3 +94,11 @@ def test_short_runs_begin_in_the_initial_state_and_end_where_a_test_may_end() ->
     runs = short_runs(machine)
     assert all(run[0].source == run[-1].target == "ready" for run in runs)
     assert [len(run) for run in runs] == sorted(len(run) for run in runs)
+
+
+def test_a_criterion_whose_paths_never_meet_is_refused_and_one_whose_paths_do_is_named() -> None:
+    gives_up = ALTERNATING_BIT.replace("          s4: {", "          s5: {from: waiting, to: ready}\n          s4: {")
+    with pytest.raises(BadModel) as caught:
+        selected(gives_up, "specified:s1 s4 s4 s5, r1 r2")
+    assert caught.value.slug == "no-abstract-cases" and "tp21 and tp11 have no rendezvous" in caught.value.rule
+    assert caught.value.remedy == "choose a criterion whose paths meet; those of `edge` do"

@@ -96,6 +96,10 @@ def test_moves_keep_to_what_a_campaign_draws_also_where_constraints_leave_blocks
     # Within the constraint the second block of a has a third of its room, yet half of the cases of a campaign.
     assert abs((moved[:, 0] > 1.0).mean() - 0.5) < 0.03
     assert np.abs(moved.mean(axis=0) - values.mean(axis=0)).max() < 0.1
+    before = cube.points(values, np.full(values.shape, 0.5))
+    one = flight._proposed(before, numbers)
+    steps = np.abs(one - before)[(one != before).any(axis=1)]
+    assert ((steps > 0.0).sum(axis=1) == 1).mean() > 0.2 and np.median(steps.max(axis=1)) < 0.05  # most are short
 
 
 def test_workers_change_nothing_and_no_more_is_simulated_than_the_budget() -> None:
@@ -112,16 +116,26 @@ def test_common_failures_are_counted_and_what_was_not_reached_is_bounded() -> No
     assert "no failure was found" in str(never) and f"within {never.nearest:.4g} of (in the corner)" in str(never)
 
 
-def test_repeats_that_find_nothing_leave_no_lower_end() -> None:
-    found = here(Corner(0.05), 1, 25, (0.5, 0.1, FAILS))
-    assert 0.0 in found.repeats and found.low == 0.0 < found.high <= 1.0
+def test_repeats_that_find_nothing_widen_the_interval_but_leave_one() -> None:
+    found = here(Corner(0.1), 1, 100, (0.4, 0.15, FAILS))
+    assert 0.0 in found.repeats and 0.0 < found.low <= 0.1**4 <= found.high < 0.01
     assert "of the repeats found none" in str(found)
+
+
+def test_what_no_repeat_reaches_is_bounded_by_the_cases_that_a_campaign_draws() -> None:
+    descent = Descent(Corner(-0.1), 1, 100, (0.9, 0.5, FAILS))
+    found = rarity(descent, 0, descent(1, 10))
+    assert found.probability == found.low == 0.0
+    assert 3.0 / 5000 < found.high < 4.0 / 5000  # 10 times 100 at each level, and five times as many at first
 
 
 def test_the_interval_is_one_of_the_mean_of_skew_estimates() -> None:
     drawn = np.exp(np.random.default_rng(1).normal(-0.32, 0.8, (400, 10)))  # of mean 1 and median 0.7
     ends = np.array([mean_of_log_normal(one) for one in drawn])
     assert 0.92 < ((ends[:, 0] <= 1.0) & (ends[:, 1] >= 1.0)).mean() < 0.98
+    some = np.where(np.random.default_rng(2).random(drawn.shape) < 0.3, drawn / 0.3, 0.0)  # most find nothing
+    ends = np.array([mean_of_log_normal(one) for one in some])
+    assert (ends[:, 0] <= 1.0).mean() > 0.97 and np.median(ends[:, 0]) > 0.1 and (ends[:, 1] >= 1.0).mean() > 0.97
 
 
 def test_without_inputs_or_budget_there_is_no_estimate() -> None:

@@ -103,3 +103,17 @@ def test_what_makes_no_script_is_refused() -> None:
         with pytest.raises(BadRequest, match=slug):
             to_pytest(cases, "test_demo.py")
     assert "sealed_cases(SUITE, SHA256)" in to_pytest([one] * (MOST_EMBEDDED + 1), "t.py", suite="s.jsonl", sha256="0")
+
+
+def test_a_script_reads_its_study_once_however_many_cases_it_has() -> None:
+    case = Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)
+    for study, found in (
+        (".", "find(str(Path(__file__).parent / '.'))"),
+        ("other", "find('other')"),
+        ("", "find('demo')"),
+    ):
+        tree = ast.parse(to_pytest([case], "test_demo.py", study=study))
+        calls = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        assert [one for one in calls if one.startswith("find(")] == [found]
+        assert next(node.value for node in tree.body if isinstance(node, ast.Assign)).func.id == "find"  # type: ignore[attr-defined]
+        assert "judge_case(case, STUDY)" in calls

@@ -39,7 +39,8 @@ while True: pass
 """, HUNG),
     "ignores the alarm and loops": ("import signal; signal.signal(signal.SIGALRM, signal.SIG_IGN)\nwhile True: pass", HUNG),
     "stops the timer and loops": ("import signal; signal.setitimer(signal.ITIMER_REAL, 0)\nwhile True: pass", HUNG),
-    "stops itself": ("import os, signal; os.kill(os.getpid(), signal.SIGSTOP)", HUNG),
+    "stops itself": ("import os, signal; os.kill(os.getpid(), signal.SIGSTOP)", CHANGED + "it was stopped by signal 19"),
+    "asks to be traced": ("import ctypes, os; ctypes.CDLL(None).ptrace(0, 0, 0, 0); os.kill(os.getpid(), 10)", CHANGED + "it was stopped by signal 10"),
     "stops its parent and loops": ("import os, signal; os.kill(os.getppid(), signal.SIGSTOP)\nwhile True: pass", HUNG),
     "waits for a child": ("import os\nif os.fork() == 0:\n    import time; time.sleep(1e6)\nos.wait()", HUNG),
     "joins a thread that loops": ("""
@@ -86,8 +87,8 @@ repr(deep(0))
     "limits its processor time": ("""
 import resource
 resource.setrlimit(resource.RLIMIT_CPU, (1, 1))
-while True: pass
-""", ANY),
+import itertools; sum(itertools.repeat(0))
+""", CHANGED + "it set itself a limit of 1 s of processor time"),
     # --- raises
     "sys.exit": ("import sys; sys.exit(0)", RAISED + "SystemExit: 0"),
     "SystemExit": ("raise SystemExit", RAISED + "SystemExit"),
@@ -99,6 +100,7 @@ while True: pass
     "an exception whose text hangs": ("class E(Exception):\n    def __str__(self):\n        while True: pass\nraise E", HUNG),
     "an exception whose text exits": ("class E(Exception):\n    def __str__(self): raise SystemExit\nraise E", RAISED + "E "),
     "an exception whose text raises": ("class E(Exception):\n    def __str__(self): return 3\nraise E", RAISED + "E "),
+    "an exception of a class that hides its name": ("class M(type):\n    def __getattribute__(c, n): raise SystemExit(0)\nclass E(Exception, metaclass=M): pass\nraise E('m')", RAISED + "E: m"),
     "an exception with an address": ("raise ValueError(object())", RAISED + r"ValueError: <object object at 0x\.\.\.>"),
     "an exception of endless text": ("raise ValueError('x' * 10**8)", RAISED + "ValueError: xxx"),
     "an exception that cannot be sent": ("""
@@ -184,6 +186,17 @@ np.zeros = Equal()
     "patches our loop": ("from parcours_navigation.guests import host; host.hold = lambda *a: 1", CHANGED + "parcours_navigation.guests.host.hold"),
     "patches our host": ("from parcours_navigation.guests import host; host.conclude = None", CHANGED + ".*host.conclude was"),
     "patches threading": ("import threading; threading.Thread = threading.Lock = None", CHANGED + "threading\\.(Thread|Lock) was"),
+    "patches all our functions": ("""
+import sys
+for name in [name for name in sys.modules if name.startswith('parcours.')]:
+    module = sys.modules[name]
+    for one in [one for one, value in vars(module).items() if callable(value) and not isinstance(value, type)]:
+        setattr(module, one, lambda *a, **k: None)
+""", CHANGED + "parcours"),
+    "loads our modules again": ("""
+import importlib, sys
+for name in [name for name in sys.modules if name.startswith('parcours.run')]: importlib.reload(sys.modules[name])
+""", CHANGED + "parcours.run"),
     "patches gc": ("import gc; gc.disable(); gc.collect = None", ANY),
     "empties sys.modules": ("import sys; sys.modules.clear()", CHANGED + "sys.modules was emptied"),
     "empties os.environ": ("import os; os.environ.clear()", SAME),
@@ -278,7 +291,44 @@ import itertools; sum(itertools.repeat(0))
     "edits its file": ("open(__file__, 'w').write('raise SystemExit')", SAME),
     "deletes the results": ("import glob, os\nfor f in glob.glob(RESULTS + '/shard-*'): os.remove(f)", SAME),
     "writes into the results": ("import glob\nfor f in glob.glob(RESULTS + '/shard-*.parquet'): open(f, 'wb').write(b'x')", SAME),
-    "writes to all descriptors": ("import os\nfor n in range(3, 40):\n    try: os.write(n, b'x' * 48)\n    except OSError: pass", ANY),
+    "writes to all descriptors": ("import os\nfor n in range(3, 40):\n    try: os.write(n, b'x' * 48)\n    except OSError: pass", CHANGED + "it wrote into the line to Parcours"),
+    "writes a byte to all descriptors": ("import os\nfor n in range(3, 40):\n    try: os.write(n, b'x')\n    except OSError: pass", CHANGED + "it wrote into the line to Parcours"),
+    "lets no descriptor block": ("import os\nfor n in range(3, 40):\n    try: os.set_blocking(n, False)\n    except OSError: pass", CHANGED + "descriptors"),
+    # --- changes in place, and words of ours
+    "replaces the code of our functions": ("""
+import sys, types
+def spin(*a, **k):
+    while True: pass
+for name in [name for name in sys.modules if name.startswith('parcours') and 'planner_' not in name]:
+    for one in [one for one in vars(sys.modules[name]).values() if type(one) is types.FunctionType]:
+        if not one.__code__.co_freevars: one.__code__ = spin.__code__
+""", CHANGED + "__code__ of .* was replaced"),
+    "replaces the defaults of our functions": ("""
+import parcours.run.canaries as c, numpy as np
+c.end_if.__defaults__ = (lambda *a: None, lambda *a: None, '')
+np.zeros = np.ones
+""", CHANGED + "__defaults__ of parcours.run.canaries.end_if was replaced"),
+    "imports what changes its own functions": ("import sys\nfor name in [n for n in sys.modules if n.startswith('asyncio')]: del sys.modules[name]\nimport asyncio", SAME),
+    "changes the class of a module": ("""
+import parcours.run.heartbeat as h, types
+class M(types.ModuleType):
+    def __getattribute__(self, name): raise SystemExit(0)
+h.__class__ = M
+""", CHANGED + "__class__ of parcours.run.heartbeat was replaced"),
+    "breaks what says where it is": ("import parcours.run.heartbeat as h; h._ENTRY = None", CHANGED + "what runs its cases raised AttributeError"),
+    "becomes another program": ("import os; os.execv('/bin/sleep', ['sleep', '600'])", CHANGED + "it replaced itself by another program"),
+    "lets a child become another program": ("import os\nif os.fork() == 0: os.execv('/bin/true', ['true'])\nos.wait()", SAME),
+    "hangs up on itself": ("import os; os.kill(os.getpid(), 1)", DIED("was killed by signal 1 ")),
+    "counts the time up": ("from parcours.run import heartbeat\nwords = heartbeat.words(3)\nwhile True: words[1] += 1.0", HUNG),
+    "raises what ends a late case": ("from parcours.run.exception_text import Overdue; raise Overdue", RAISED + "Overdue$"),
+    "an exception whose text is of a class": ("""
+class S(str):
+    def __getitem__(self, i): return self
+    def __format__(self, f): raise SystemExit(0)
+class E(Exception):
+    def __str__(self): return S('mine')
+raise E
+""", RAISED + "E: mine "),
 }  # fmt: skip
 
 CONSTRUCTORS: dict[str, tuple[str, str]] = {
@@ -288,7 +338,7 @@ CONSTRUCTORS: dict[str, tuple[str, str]] = {
     "import hangs": ("while True: pass", "did not within"),
     "import hangs in C": ("import itertools; sum(itertools.repeat(0))", "did not within"),
     "import sleeps and ignores signals": ("import signal, time\nfor n in range(1, 32):\n    try: signal.signal(n, signal.SIG_IGN)\n    except OSError: pass\ntime.sleep(1e6)", "did not within"),
-    "import stops itself": ("import os; os.kill(os.getpid(), 19)", "did not within"),
+    "import stops itself": ("import os; os.kill(os.getpid(), 19)", "it was stopped by signal 19"),
     "import crashes": ("import ctypes; ctypes.string_at(0)", "killed by signal 11"),
     "import kills its parent": ("import os; os.kill(os.getppid(), 9)", "planner-ends-process"),
     "import calls sys.exit": ("import sys; sys.exit(0)", "raised SystemExit: 0"),

@@ -1,4 +1,7 @@
-"""Sends a driver where orders say, and tells how the errand ended."""
+"""Sends a driver where orders say, and tells how the errand ended.
+
+Feedback and result are messages of two topics: a node that was held up finds both, and rclpy hands it the result first.
+"""
 
 import contextlib
 
@@ -16,7 +19,7 @@ class Dispatcher(Node):
     def __init__(self):
         super().__init__("dispatcher")
         self.client = ActionClient(self, NavigateToPose, "/errand")
-        self.left, self.errand, self.is_off = 0.0, None, False
+        self.left, self.status, self.errand, self.is_off = None, None, None, False
         self.done = self.create_publisher(PointStamped, "/done", 10)
         self.create_subscription(PointStamped, "/order", self.on_order, 10)
         self.create_subscription(PointStamped, "/stop", self.on_stop, 10)
@@ -24,7 +27,7 @@ class Dispatcher(Node):
 
     def on_order(self, message):
         """Send the driver there."""
-        self.errand, self.is_off = None, False
+        self.left, self.status, self.errand, self.is_off = None, None, None, False
         goal = NavigateToPose.Goal()
         goal.pose.pose.position.x = message.point.x
         self.client.send_goal_async(goal, self.on_feedback).add_done_callback(self.on_answer)
@@ -32,6 +35,7 @@ class Dispatcher(Node):
     def on_feedback(self, message):
         """Note how far it is."""
         self.left = message.feedback.distance_remaining
+        self.tell()
 
     def on_answer(self, future):
         """Wait for the end."""
@@ -48,10 +52,17 @@ class Dispatcher(Node):
             self.errand.cancel_goal_async()
 
     def on_result(self, future):
-        """Say how it ended, and how far it was at last."""
+        """Note how it ended."""
+        self.status = float(future.result().status)
+        self.tell()
+
+    def tell(self):
+        """Say how it ended, and how far it was at last, once both are known."""
+        if self.left is None or self.status is None:
+            return
         message = PointStamped()
         message.header.stamp = self.get_clock().now().to_msg()
-        message.point.x, message.point.y = float(future.result().status), self.left
+        message.point.x, message.point.y = self.status, self.left
         self.done.publish(message)
 
 

@@ -28,7 +28,9 @@ class Driver(Node):
     async def execute(self, goal):
         """Drive until it is over."""
         self.end = Future()
-        goal.publish_feedback(NavigateToPose.Feedback(distance_remaining=goal.request.pose.pose.position.x))
+        left = NavigateToPose.Feedback(distance_remaining=goal.request.pose.pose.position.x)
+        left.current_pose.header.stamp = self.get_clock().now().to_msg()
+        goal.publish_feedback(left)
         if await self.end == "there":
             goal.succeed()
         else:

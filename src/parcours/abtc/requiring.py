@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 
 from parcours.abtc.combining import combinations
@@ -12,27 +12,30 @@ from parcours.abtc.serialising import abstract_cases
 from parcours.errors import BadModel, BadRequest
 from parcours.model.checking import findings
 from parcours.model.structure import Cefsm
+from parcours.paths.internal import InternalPath
 
 _TRIED = 200  # chains of components
 _SHOWN = 4  # senders, or combinations that were dropped
 _MISSPELT = ("unreachable-state", "no-way-back")  # warnings that a misspelt state gives
 
 
-def require_cases(cefsm: Cefsm, source: str = "") -> None:
+def require_cases(cefsm: Cefsm, source: str = "", paths: Mapping[str, Sequence[InternalPath]] | None = None) -> None:
     """Raise BadModel if a model has no abstract case: no tests is an error, not a success.
 
     Args:
         source: its file, for the message; by default the model's name.
+        paths: the internal paths of each component; by default those of edge coverage.
 
     Raises:
-        BadModel: there is none; the message says why, and which line of the model file would change it.
+        BadModel: there is none; the message says why, and which line of the model file would change it, or that
+            another criterion would.
         BadRequest: an interaction path has too many combinations.
     """
-    if next(abstract_cases(cefsm), None) is not None:
+    if next(abstract_cases(cefsm, paths=paths), None) is not None:
         return
     edges, asked = component_graph(cefsm), interaction_paths(cefsm)
     if asked:
-        found = [str(each) for itp in asked for each in combinations(cefsm, itp).dropped]
+        found = [str(each) for itp in asked for each in combinations(cefsm, itp, paths).dropped]
         why = f"no combination has a rendezvous at every hop: {_some(found or [str(itp) for itp in asked])}"
     else:
         sent = dict.fromkeys((pair.channel, pair.send) for pair in rendezvous_pairs(cefsm))
@@ -45,9 +48,11 @@ def require_cases(cefsm: Cefsm, source: str = "") -> None:
         said = _some(senders) or "no transition sends to another component"
         why = f"no interaction closes: {said}, and {_some(mute)}"
     rule = f"some interaction must give an abstract case, but {why}"
-    raise BadModel(
-        source or f"model {cefsm.name!r}", rule, _suspected(cefsm) + _remedy(cefsm), slug="no-abstract-cases"
-    )
+    if paths is not None and next(abstract_cases(cefsm), None) is not None:
+        remedy = "choose a criterion whose paths meet; those of `edge` do"
+    else:
+        remedy = _suspected(cefsm) + _remedy(cefsm)
+    raise BadModel(source or f"model {cefsm.name!r}", rule, remedy, slug="no-abstract-cases")
 
 
 def _suspected(cefsm: Cefsm) -> str:

@@ -30,12 +30,19 @@ def command(
     from dataclasses import asdict
     from datetime import datetime
 
+    from parcours.errors import BadRequest, one_of
     from parcours.report.pieces import Cell, Column
     from parcours.study.history import append, entry_of, read_history
 
-    for folder in folders:
-        append(file, entry_of(folder, datetime.now().astimezone(), commit, study))
-    entries = read_history(file)
+    new = [entry_of(folder, datetime.now().astimezone(), commit, study) for folder in folders]
+    entries = [*(read_history(file) if file.exists() or not new else []), *new]
+    known = sorted({rate for one in entries for rate in one.rates})
+    for rate in rates if known else ():
+        if rate not in known:  # a misspelt one; before anything is appended
+            rule = f"must be a rate that some run in the history has, but is {rate!r}"
+            raise BadRequest("--rate", rule, one_of(rate, known), slug="history-rate")
+    for one in new:
+        append(file, one)
     if as_json:
         print_json([asdict(one) for one in entries])
         return

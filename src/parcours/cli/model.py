@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, as_json, model_file, print_json, read_model
+from parcours.cli.options import PATH, as_json, counted, model_file, print_json, read_model
 
 
 @click.group("model")
@@ -45,7 +45,7 @@ def check(file: Path, as_json: bool) -> None:
         for finding in found:
             click.echo(str(finding))
         errors = sum(finding.severity == "error" for finding in found)
-        click.echo(f"{file}: {errors} errors, {len(found) - errors} warnings")
+        click.echo(f"{file}: {counted(errors, 'error')}, {counted(len(found) - errors, 'warning')}")
     if any(finding.severity == "error" for finding in found):
         raise click.exceptions.Exit(2)
 

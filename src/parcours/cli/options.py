@@ -125,6 +125,15 @@ def workers(function: F) -> F:
     )
 
 
+def counted(n: int, what: str) -> str:
+    """Return a number with its noun.
+
+    >>> counted(1, "error"), counted(2, "error")
+    ('1 error', '2 errors')
+    """
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
 def print_rows(
     title: str, columns: Iterable[str | tuple[str, str] | Column], rows: Iterable[tuple[Cell, ...]], note: str = ""
 ) -> None:

@@ -119,10 +119,12 @@ def _spoken(seconds: float) -> str:
 
 
 def say_if_cold() -> None:
-    """Say that kernels are compiled first, if they are."""
+    """Say that kernels are compiled: at once if none is on disk, else when this process compiles its first."""
     import click
 
-    from parcours.kernels import is_warm
+    from parcours.kernels import is_warm, tell_of_compiling
 
     if not is_warm():
         click.echo("compiling kernels for this machine, once: about a minute", err=True)
+    else:
+        tell_of_compiling(lambda: click.echo("compiling further kernels for this machine, once", err=True))

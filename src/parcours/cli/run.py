@@ -53,6 +53,19 @@ _COMMON = (
 )
 
 
+def _no_set(ctx: click.Context, option: click.Parameter, given: tuple[str, ...]) -> None:
+    """Say which option is meant by `--set NAME=VALUE`, as other commands have it."""
+    from parcours.errors import BadRequest, one_of
+
+    if given:
+        name, _, value = given[0].partition("=")
+        wanted = "--" + name.strip().replace("_", "-")
+        known = [text for one in ctx.command.params if one is not option for text in one.opts]
+        remedy = f"write {wanted} {value}".rstrip() if wanted in known else one_of(wanted, known)
+        rule = "a run has an option for each parameter, but --set is given"
+        raise BadRequest("--set", rule, remedy, slug="option-study")
+
+
 class _Studies(click.Group):
     """A group whose subcommands are studies, found when they are named."""
 
@@ -110,6 +123,8 @@ def study_command(study: Study, given: str) -> click.Command:
     for option in _COMMON:
         made = option(made)
     made.params += parameter_options(study.parameters)
+    if all("--set" not in one.opts for one in made.params):
+        made.params.append(click.Option(["--set"], multiple=True, hidden=True, expose_value=False, callback=_no_set))
     return made
 
 
@@ -125,7 +140,7 @@ def _run(
     from parcours.run.campaign import terminable
     from parcours.study import Request
     from parcours.study.finding import require_results
-    from parcours.study.gate import parse_condition
+    from parcours.study.gate import Naming, parse_condition, require_measures
     from parcours.study.hosting import isolate
     from parcours.study.journal import discard
     from parcours.study.selection import ids_of
@@ -134,6 +149,8 @@ def _run(
     here = Path.cwd()
     target = out if study.kind == "components" else out.absolute()  # a guest may change the current folder
     conditions = [parse_condition(text) for text in fail_if]
+    if conditions and isinstance(study, Naming) and (known := study.measure_names(settings)):
+        require_measures(conditions, known)  # now, and not after hours
     if pairs_wanted(until) is None:
         until = tuple(parse_rule(text).text for text in until)
     ids = ids_of(chosen, cases_from)

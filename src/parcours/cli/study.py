@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import as_json, counted, print_json
 
 
 @click.group("study")
@@ -41,6 +41,6 @@ def check(study: str, as_json: bool) -> None:
     else:
         for one in findings:
             click.echo(str(one))
-        click.echo(f"{found.name}: {errors} errors, {warnings} warnings")
+        click.echo(f"{found.name}: {counted(errors, 'error')}, {counted(warnings, 'warning')}")
     if errors:
         raise click.exceptions.Exit(1)

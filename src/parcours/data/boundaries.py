@@ -20,9 +20,6 @@ from parcours.data.inputs import InputModel, extent
 from parcours.model.expression import Binary, Expression, Literal, Name
 from parcours.model.expression.syntax import substitute
 
-POINTS = ("min", "min+", "nominal", "max-", "max")
-"""What the values of a block are called: its ends, the values one step inside, and the middle."""
-
 STEP = 1e-3
 """How far `just inside` is from an end, as a share of the range of a real or an angle; 1 for integers."""
 

@@ -87,7 +87,7 @@ def parse_input_model(text: str, origin: str, constants: Dict[str, float] | None
     >>> model.names, [str(constraint) for constraint in model.constraints]
     (('x1', 'x2'), ['apart(1, 2): abs(x1 - x2) >= 0.2'])
     """
-    root, findings = read_document(text, origin)
+    root, findings = read_document(text, origin, "an input model")
     if root is None or findings:
         raise _complaint(findings)
     return input_model_of(root, origin, constants)
@@ -102,9 +102,8 @@ def input_model_of(root: Node, origin: str, constants: Dict[str, float] | None =
     return model
 
 
-def _complaint(findings: list[Finding]) -> BadDomain:
-    error = complaint(tuple(sorted(findings)))
-    return BadDomain(error.where, error.rule, error.remedy, slug=error.slug)
+def _complaint(findings: list[Finding]) -> ParcoursError:
+    return complaint(tuple(sorted(findings)), "an input model", BadDomain)
 
 
 class _Reader(NodeReader):
@@ -266,9 +265,10 @@ class _Reader(NodeReader):
             found = replace(found, unit=unit, doc=doc, stated=stated, step=step)
             return replace(found, bases=self.bases(record.get("base"), found, what))
         except BadDomain as error:
-            self.findings.append(
-                Finding(self.origin, line, "error", error.slug, f"{error.where}: {error.rule}", error.remedy)
-            )
+            if len(self.findings) == before:  # else it follows from a number that could not be read
+                self.findings.append(
+                    Finding(self.origin, line, "error", error.slug, f"{error.where}: {error.rule}", error.remedy)
+                )
             return None
 
     def measured(self, name: str, unit: str, kind: str, record: Dict[str, Node]) -> Domain:

@@ -59,16 +59,17 @@ class _RefusalError(Exception):
         super().__init__(str(finding))
 
 
-def read_document(text: str, origin: str) -> tuple[Node | None, list[Finding]]:
+def read_document(text: str, origin: str, noun: str = "a model") -> tuple[Node | None, list[Finding]]:
     """Return the document as a tree, or None if it cannot be one, and what is wrong with it as YAML.
 
     Args:
         text: YAML, one document.
         origin: the file's name, for messages.
+        noun: what messages call the document.
     """
-    builder = _Builder(origin)
+    builder = _Builder(origin, noun)
     try:
-        return builder.document(yaml.parse(_sized(text, origin), Loader=_LOADER)), builder.findings
+        return builder.document(yaml.parse(_sized(text, origin, noun), Loader=_LOADER)), builder.findings
     except _RefusalError as refusal:
         return None, [refusal.finding]
     except yaml.MarkedYAMLError as error:
@@ -77,17 +78,17 @@ def read_document(text: str, origin: str) -> tuple[Node | None, list[Finding]]:
         line = mark.line + 1 if mark else 0
     except (yaml.YAMLError, ValueError) as error:
         said, line = str(error).partition("\n")[0], 0
-    rule = f"a model must be YAML, but this is not: {said}"
+    rule = f"{noun} must be YAML, but this is not: {said}"
     return None, [Finding(origin, line, "error", "yaml-syntax", rule)]
 
 
-def _sized(text: str, origin: str) -> str:
+def _sized(text: str, origin: str, noun: str) -> str:
     try:
         size = len(text.encode())
     except UnicodeEncodeError:
-        raise _refusal(origin, 0, "encoding", "a model must be text, but this has half characters") from None
+        raise _refusal(origin, 0, "encoding", f"{noun} must be text, but this has half characters") from None
     if size > MAX_BYTES:
-        rule = f"a model file has at most {MAX_BYTES} bytes, but this one has {size}"
+        rule = f"{noun} file has at most {MAX_BYTES} bytes, but this one has {size}"
         raise _refusal(origin, 0, "file-size", rule, "split the model")
     return text
 
@@ -103,8 +104,8 @@ def _line(event: yaml.Event) -> int:
 class _Builder:
     """Parser events to nodes, without recursion into aliases: there are none."""
 
-    def __init__(self, origin: str) -> None:
-        self.origin = origin
+    def __init__(self, origin: str, noun: str) -> None:
+        self.origin, self.noun = origin, noun
         self.findings: list[Finding] = []
 
     def document(self, events: Iterator[yaml.Event]) -> Node:
@@ -115,7 +116,7 @@ class _Builder:
             if isinstance(event, yaml.NodeEvent):
                 root = self.node(event, events, 1)
         if root is None:
-            raise _refusal(self.origin, 0, "empty", "a model must have content, but the file is empty")
+            raise _refusal(self.origin, 0, "empty", f"{self.noun} must have content, but the file is empty")
         return root
 
     # Events, not yaml.load: an alias bomb is refused at its first alias, and a duplicate key is seen before it is lost.
@@ -123,12 +124,14 @@ class _Builder:
         line = _line(event)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
             name = getattr(event, "anchor", "")
-            self.refuse(event, "yaml-alias", f"a model has no anchors or aliases, but here is {name!r}", "write it out")
+            self.refuse(
+                event, "yaml-alias", f"{self.noun} has no anchors or aliases, but here is {name!r}", "write it out"
+            )
         tag = getattr(event, "tag", None)
         if tag is not None:
-            self.refuse(event, "yaml-tag", f"a model has no tags, but here is {tag!r}", "delete the tag")
+            self.refuse(event, "yaml-tag", f"{self.noun} has no tags, but here is {tag!r}", "delete the tag")
         if depth > MAX_NESTING:
-            self.refuse(event, "yaml-nesting", f"a model nests at most {MAX_NESTING} deep, but here it goes deeper")
+            self.refuse(event, "yaml-nesting", f"{self.noun} nests at most {MAX_NESTING} deep, but here it goes deeper")
         if isinstance(event, yaml.ScalarEvent):
             return Scalar(event.value, event.style in (None, ""), line)
         if isinstance(event, yaml.SequenceStartEvent):

@@ -75,11 +75,23 @@ def finding_of(error: ParcoursError, file: str) -> Finding:
     return Finding(file, 0, "error", error.slug, error.rule, error.remedy)
 
 
-def complaint(errors: tuple[Finding, ...]) -> BadModel:
-    """Return one error that says all of at least one finding, one per line."""
+def complaint(
+    errors: tuple[Finding, ...],
+    noun: str = "a model",
+    refusal: type[ParcoursError] = BadModel,
+    slug: str = "model-errors",
+) -> ParcoursError:
+    """Return one error that says all of at least one finding, one per line.
+
+    Args:
+        errors: the findings.
+        noun: what the message calls that in which they were found.
+        refusal: the class of the error.
+        slug: that of an error that lists several.
+    """
     first = errors[0]
     if len(errors) == 1:
-        return BadModel(first.where, first.message, first.remedy, slug=first.rule)
+        return refusal(first.where, first.message, first.remedy, slug=first.rule)
     listed = "".join(f"\n  {finding}" for finding in errors)
-    rule = f"a model must have no errors, but this one has {len(errors)}:{listed}\n "
-    return BadModel(first.file, rule, "correct them from the first on", slug="model-errors")
+    rule = f"{noun} must have no errors, but this one has {len(errors)}:{listed}\n "
+    return refusal(first.file, rule, "correct them from the first on", slug=slug)

@@ -74,19 +74,18 @@ def to_svg(machine: Machine, title: str = "", painted: Mapping[str, Paint] | Non
     return _Picture(names, arrows, painted or {}, machine.initial).finished(title or machine.name)
 
 
-def channels_to_svg(cefsm: Cefsm, title: str, rates: Mapping[str, float], of: str) -> str:
-    """Return a picture of the components of a model with the channels between them, and how much flows there.
+def channels_to_svg(cefsm: Cefsm, title: str, rates: Mapping[str, float]) -> str:
+    """Return a picture of the components of a model with the channels between them, and how much flows there a case.
 
     Args:
         cefsm: the model.
         title: above it.
-        rates: messages by channel, for each of what `of` says; a channel without any is dashed.
-        of: such as "a case".
+        rates: messages a case by channel; a channel without any is dashed.
     """
     arrows = []
     for one in cefsm.channels:
         rate = f"{rates.get(one.name, 0.0):.3g}"
-        said = f"{rate} {of}; {one.message}" + (f" on {one.topic}" if one.topic else "")
+        said = f"{rate} a case; {one.message}" + (f" on {one.topic}" if one.topic else "")
         arrows.append(_Arrow(one.name, one.sender, one.receiver, f"{rate} {one.name}", said))
     ends = {end for arrow in arrows for end in (arrow.source, arrow.target)}
     names = [*([ENVIRONMENT] if ENVIRONMENT in ends else []), *(one.name for one in cefsm.components)]

@@ -14,7 +14,7 @@ _KINDS = ((0.5, "typical (p50)", SERIES[3], -0.18), (0.99, "rare (p99)", SERIES[
 """Which reactions are drawn: their share in all, what they are called, their colour, and where in a row."""
 
 
-def waterfall(title: str, chain: Chain, limits: Sequence[int] = (), note: str = "") -> Figure:
+def waterfall(title: str, chain: Chain, limits: Sequence[int] = ()) -> Figure:
     """Return one row a step, each bar beginning where the one before has ended, and a row for the whole.
 
     Two reactions that occurred are drawn, so that their shares add up: the one of median length, and that at p99.
@@ -23,7 +23,6 @@ def waterfall(title: str, chain: Chain, limits: Sequence[int] = (), note: str = 
         title: what is shown.
         chain: with at least one reaction.
         limits: on the whole [ns].
-        note: small print.
 
     Raises:
         BadRequest: there is no reaction.
@@ -57,7 +56,7 @@ def waterfall(title: str, chain: Chain, limits: Sequence[int] = (), note: str = 
         figure.legend(loc="outside upper left", ncols=2)
         svg = svg_of(figure)
     said = f"; limit {', '.join(f'{limit * 1e-6:g} ms' for limit in limits)}" if limits else ""
-    return Figure(title, svg, f"{chain.name}: {'. '.join(words)}{said}", note)
+    return Figure(title, svg, f"{chain.name}: {'. '.join(words)}{said}")
 
 
 def reaction_at(chain: Chain, quantile: float) -> Floats:
@@ -67,7 +66,7 @@ def reaction_at(chain: Chain, quantile: float) -> Floats:
     return np.array(chain.rows[order[max(rank, 1) - 1]], float)
 
 
-def chain_table(title: str, chain: Chain, note: str = "") -> Table:
+def chain_table(title: str, chain: Chain) -> Table:
     """Return one row a step and one for the whole: quantiles, the interval of p99, and the share in all time.
 
     A bound of p99 that too few repeats give is not known; repeats that depend on each other count as fewer.
@@ -83,4 +82,4 @@ def chain_table(title: str, chain: Chain, note: str = "") -> Table:
         low, high, spell = quantile_interval(taken)
         rows.append((name, p50 * 1e-6, p99 * 1e-6, low * 1e-6 if low else None, None if high == NEVER else high * 1e-6,
                      max(1, int(len(taken) / spell)), taken.sum() / whole if whole else None))  # fmt: skip
-    return Table(title, columns, tuple(rows), note)
+    return Table(title, columns, tuple(rows))

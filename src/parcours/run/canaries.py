@@ -4,7 +4,8 @@ The code runs in the same interpreter as ours, so it can replace `numpy.zeros` o
 changed and can be put back is put back after each case: the current folder, signal handlers, limits. Some functions are
 looked at after each case, all of Python's library, NumPy and ours after a piece of them. A worker in which anything was
 changed ends itself with the status TAMPERED and says what it was; the case is lost, the others are computed in another
-worker. What replaces a function on purpose so that it cannot be noticed is beyond this.
+worker. What is done to a function of ours in place, and another program in the place of this one, is noticed before it
+happens. What replaces a function on purpose so that it cannot be noticed is beyond this.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from builtins import BaseException, KeyError, OSError, all, map, next, type, zip
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import is_, itemgetter
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ TAMPERED = 113
 CHANGED = "changed its process: "
 """How the words begin in which it says why."""
 
+_FAILS = "what others rely on fails there"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
 _LIMITS = ("RLIMIT_NOFILE", "RLIMIT_CPU", "RLIMIT_AS", "RLIMIT_FSIZE", "RLIMIT_STACK")
 _EVERY_CASE = (
@@ -50,6 +52,7 @@ _TINY, _SMALL = sys.float_info.min, 1e-17
 
 _CONSTANTS = (bool, int, float, str, tuple, np.ndarray, np.generic, np.dtype)
 
+Hook = Callable[[str, tuple[Any, ...]], None]
 Held = tuple[str, Mapping[str, Any], Callable[[Any], tuple[Any, ...]], tuple[str, ...], tuple[Any, ...], int]
 """Where names lie, in words; the mapping; what gets them; the names; what they were; how many there are, 0 for any."""
 
@@ -111,7 +114,7 @@ class Canaries:
             self._collect(0)
             return self._look(held) or self._put_back()
         except BaseException as error:
-            return f"what others rely on fails there: {type(error).__name__}"
+            return f"{_FAILS}: {type(error).__name__}"
 
     def _put_back(self) -> str:
         try:
@@ -146,13 +149,13 @@ class Canaries:
                     return f"{name} was lowered for good"
         return ""
 
-    def _look(self, held: Sequence[Held]) -> str:
+    def _look(self, held: Sequence[Held], all: Any = all, next: Callable[..., str] = next, same: Any = is_) -> str:
         for where, mapping, get, names, before, size in held:
             try:
                 now = get(mapping)
             except KeyError as error:
                 return f"{where}.{error.args[0]} was removed"
-            if not all(map(is_, now, before)):
+            if not all(map(same, now, before)):
                 return next(f"{where}.{name} was replaced" for name, a, b in zip(names, now, before) if a is not b)  # noqa: B905
             if size and mapping.__len__() != size:
                 return f"{where} was added to"
@@ -160,7 +163,7 @@ class Canaries:
             return "sys.modules was emptied"
         for number, identity in self._descriptors:
             if _identity(number) != identity:
-                return "descriptors that it did not open were closed or replaced"
+                return "descriptors that it did not open were closed, replaced or changed"
         if not _rounds():
             return "how the processor rounds was changed"
         return ""
@@ -196,12 +199,12 @@ def _functions(*, ours: bool) -> Iterator[Held]:
                 yield from [_held(f"{name}.{one}", vars(kind), inner, len(vars(kind)) if ours else 0)] if inner else []
 
 
-def _identity(descriptor: int) -> tuple[int, int] | None:
+def _identity(descriptor: int) -> tuple[int, int, bool] | None:
     try:
         found = os.fstat(descriptor)
+        return found.st_dev, found.st_ino, os.get_blocking(descriptor)
     except OSError:
         return None
-    return found.st_dev, found.st_ino
 
 
 def _rounds() -> bool:
@@ -215,36 +218,60 @@ def _reset_rounding() -> None:
         ctypes.CDLL(None).fesetenv(ctypes.c_void_p(-1))
 
 
-_placed: Canaries | None = None
+def end_if(
+    cause: str, say: Callable[[str], None] = write_place, exit: Callable[[int], None] = os._exit, how: str = CHANGED
+) -> None:
+    """End this process as one that was changed, for a cause in words; go on if that is empty."""
+    if cause:
+        try:
+            say(how + cause)
+        finally:
+            exit(TAMPERED)
+
+
+_placed: Canaries | None = globals().get("_placed")  # strangers' code may load this module a second time
 
 
 def place(descriptors: Sequence[int]) -> None:
     """Remember how this process looks, which is a worker of strangers' code that has not run yet."""
     global _placed
     _placed = Canaries(descriptors)
+    sys.addaudithook(_hook(os.getpid()))
+
+
+def _hook(pid: int, end_if: Callable[[str], None] = end_if) -> Hook:
+    """Return what is called before a function of ours is changed in place, or this process becomes another program.
+
+    Python's library changes its own functions in place while it is imported (`types.coroutine`).
+    """
+
+    def hook(event: str, given: tuple[Any, ...], process_id: Callable[[], int] = os.getpid) -> None:
+        if event == "object.__setattr__" and type(given[0]) in (FunctionType, ModuleType):
+            one = given[0]
+            where = str((one.__globals__ if type(one) is FunctionType else vars(one)).get("__name__"))
+            if where.startswith("parcours") and not where.startswith("parcours_planner_"):
+                what = f"{where}.{one.__qualname__}" if type(one) is FunctionType else where
+                end_if(f"{given[1]} of {what} was replaced")
+        elif event == "os.exec" and process_id() == pid:
+            end_if("it replaced itself by another program")
+
+    return hook
 
 
 def accept() -> None:
     """End this process if the strangers' code has changed it while it was loaded; else let its settings stand."""
     if _placed is not None:
-        _end_if(_placed.accept())
+        end_if(_placed.accept())
 
 
 def after_case(*, failed: bool = False, by: str = "") -> None:
     """Put back what a case has changed, or what was done in it `by` someone; end this process if that cannot be."""
     if _placed is not None and (cause := _placed.after_case(failed=failed)):
-        _end_if(f"{by}: {cause}" if by else cause)
+        end_if(f"{by}: {cause}" if by else cause)
 
 
-def require_unchanged() -> None:
-    """End this process if anything was changed in it, by the longer look."""
+def require_unchanged(end_if: Callable[[str], None] = end_if) -> None:
+    """End this process if anything was changed in it, by the longer look, or where an error of ours passes by."""
     if _placed is not None:
-        _end_if(_placed.changed())
-
-
-def _end_if(cause: str, exit: Callable[[int], None] = os._exit) -> None:
-    if cause:
-        try:
-            write_place(CHANGED + cause)
-        finally:
-            exit(TAMPERED)
+        failing = sys.exc_info()[0]
+        end_if(_placed.changed() or (f"{_FAILS}: {failing.__name__}" if failing is not None else ""))

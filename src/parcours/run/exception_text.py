@@ -10,6 +10,7 @@ from types import CodeType
 from parcours.errors import ParcoursError
 
 _TRACEBACK = BaseException.__dict__["__traceback__"]  # a class may have a property of that name
+_NAME = type.__dict__["__name__"]  # and so may a metaclass
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
 
@@ -31,6 +32,16 @@ def without_addresses(text: str) -> str:
     return _ADDRESS.sub("0x...", " ".join(text.replace("\0", " ").split()))
 
 
+def cut(text: str, room: int) -> str:
+    """Return a text of at most `room` bytes of UTF-8, at least 3; what is cut off is replaced by dots.
+
+    >>> cut("no way", 6), cut("no way at all", 9), cut("50 \N{EURO SIGN}\N{EURO SIGN}", 8)
+    ('no way', 'no way...', '50 ...')
+    """
+    encoded = text.encode("utf-8", "replace")
+    return text if len(encoded) <= room else encoded[: room - 3].decode("utf-8", "ignore") + "..."
+
+
 def said(error: BaseException) -> str:
     """Return the type of an exception and what it says, in one line of at most 1000 characters.
 
@@ -39,8 +50,8 @@ def said(error: BaseException) -> str:
     """
     name = text = ""
     try:
-        name = str(type(error).__name__)
-        text = str(error)[:1000]
+        name = _NAME.__get__(type(error))
+        text = str.__getitem__(str(error), slice(1000))  # of a class of its own, it does as that class likes
     except Overdue:
         raise
     except BaseException:

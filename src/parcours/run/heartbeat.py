@@ -13,7 +13,7 @@ import ctypes
 import math
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, Self, runtime_checkable
 
@@ -40,7 +40,11 @@ _ENTRY = struct.Struct("dd")
 """What goes through the pipe: the number of a case, and how long it may stay at one place [s]. The first entry is the
 process itself, as a number below 0."""
 
-_FARTHEST = 1e15  # no case is farther [ns]
+_MOST_READS = 64
+"""How often a parent reads at one look; a pipe holds what is read in one."""
+
+_FARTHEST = 1e13  # no case is farther [ns]
+_NEAREST = 1e7  # nor goes on by less: by a tick of the world [ns]
 
 Words = NDArray[np.float64]
 
@@ -86,9 +90,10 @@ class Renumbered(Protocol):
         """The number of the case that each stands for."""
 
 
-_shared: Words | None = None
-_place: Any = None
-_pipe = -1
+# Strangers' code may load this module a second time.
+_shared: Words | None = globals().get("_shared")
+_place: Any = globals().get("_place")
+_pipe: int = globals().get("_pipe", -1)
 
 
 def new_block(context: Any, n_words: int) -> Any:
@@ -119,12 +124,6 @@ def words(size: int) -> Words:
     return fresh
 
 
-def write_place(text: str) -> None:
-    """Say in words what is started now; does nothing in a process that is no worker."""
-    if _place is not None:
-        _place[:] = _padded(text)
-
-
 def write_last_place(block: Any, text: str) -> None:
     """Say in words how a worker ended, in the memory that it shared; for who has ended it."""
     memoryview(block).cast("B")[-_TEXT:] = _padded(text)
@@ -137,6 +136,12 @@ def case_in(block: Any) -> float:
 
 def _padded(text: str) -> bytes:
     return text.encode("utf-8", "replace")[: _TEXT - 1].ljust(_TEXT, b"\0")
+
+
+def write_place(text: str, padded: Callable[[str], bytes] = _padded) -> None:
+    """Say in words what is started now; does nothing in a process that is no worker."""
+    if _place is not None:
+        _place[:] = padded(text)  # by reference: it may be the last that works in a process that was changed
 
 
 def enter(number: float, limit: float) -> None:
@@ -169,6 +174,8 @@ class WorkerWatch:
         self._words, self._place = _parts(np.frombuffer(block))
         self._pipe, self._patience = pipe, patience
         self._case, self._limit = NO_CASE, math.inf
+        self.is_garbled = False
+        """Whether foreign code has spoken in the worker's name: nothing that came later is believed."""
         self.process = 0
         """Id of the worker, 0 as long as it has said nothing."""
         self.entered = False
@@ -184,8 +191,8 @@ class WorkerWatch:
         moved, time, place = self._read(), float(self._words[TIME]), self._place.tobytes()
         if moved:
             self._time = -math.inf
-        # Time goes forward only, so whatever else foreign code writes there is no sign of life.
-        moved = moved or self._time < time < _FARTHEST or (self._case < 0.0 and place != self._seen)
+        # Time goes forward only, by ticks and to an end, so what else foreign code writes there is no sign of life.
+        moved = moved or self._time + _NEAREST <= time < _FARTHEST or (self._case < 0.0 and place != self._seen)
         self._time, self._seen = max(self._time, time if time < _FARTHEST else -math.inf), place
         self._looks = 0 if moved else self._looks + 1
         limit = self._patience if self._case < 0.0 else 1.5 * self._limit + 0.5
@@ -195,21 +202,32 @@ class WorkerWatch:
         """Read what has come through the pipe; return whether there was anything."""
         moved = False
         with contextlib.suppress(OSError):
-            while self._pipe >= 0 and (said := os.read(self._pipe, 4096 * _ENTRY.size)):
-                whole = len(said) // _ENTRY.size
-                if whole:
-                    self.process = self.process or -int(_ENTRY.unpack_from(said)[0])
-                    self._case, self._limit = _ENTRY.unpack_from(said, (whole - 1) * _ENTRY.size)
-                    moved = True
-                    self.entered = self.entered or any(
-                        number >= 0.0 for number, _ in _ENTRY.iter_unpack(said[: whole * _ENTRY.size])
-                    )
+            for _ in range(0 if self._pipe < 0 or self.is_garbled else _MOST_READS):  # whatever is written meanwhile
+                said = os.read(self._pipe, 4096 * _ENTRY.size)
+                if not said:
+                    break
+                whole = len(said) - len(said) % _ENTRY.size
+                for number, limit in _ENTRY.iter_unpack(said[:whole]):
+                    # Never a fraction: entries of ours that come after bytes of others begin in the wrong place.
+                    self.is_garbled = self.is_garbled or not (number.is_integer() and limit > 0.0)
+                    if self.is_garbled:
+                        break
+                    self.process = self.process or -int(number)
+                    self._case, self._limit, moved = number, limit, True
+                    self.entered = self.entered or number >= 0.0
+                self.is_garbled = self.is_garbled or whole < len(said)
         return moved
 
     def has_entered(self) -> bool:
         """Return whether the worker has said that it is on a case, since it was given its item."""
         self._read()
         return self.entered
+
+    def was_garbled(self, *, elsewhere: bool = False) -> bool:
+        """Return whether foreign code has written into the pipe by now, or `elsewhere` where the worker speaks."""
+        self._read()
+        self.is_garbled = self.is_garbled or elsewhere
+        return self.is_garbled
 
     def restart(self) -> None:
         """Count from here: the worker has given another sign of life."""
@@ -231,4 +249,5 @@ class WorkerWatch:
         if not 0.0 <= self._case < MANY:
             return None
         time = float(self._words[TIME])
-        return LostCase(int(self._case), int(time) if 0.0 <= time < _FARTHEST else 0, how, detail, self.place)
+        at = None if self.is_garbled else int(time) if 0.0 <= time < _FARTHEST else 0
+        return LostCase(int(self._case), at, how, detail, self.place)

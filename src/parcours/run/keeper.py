@@ -5,7 +5,7 @@ parent ── keeper ── worker ── helpers that the code has started
              │ adopts the helpers that are orphaned; when the worker has ended, or the parent has, ends them all,
              │ and then ends as the worker did
              │ passes on what they print, up to a limit; nothing else that the parent has open reaches the worker
-             └ ends all of them, too, where they become too many or print too much
+             └ ends all of them, too, where they become too many, print too much, or the worker is stopped
 
 So the parent sees how the worker ended whatever its helpers hold open, and what the code does to its parent process it
 does to the keeper. On Linux only.
@@ -17,6 +17,7 @@ import contextlib
 import ctypes
 import importlib
 import io
+import math
 import os
 import select
 import signal
@@ -26,8 +27,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from parcours.run.canaries import CHANGED, TAMPERED
+from parcours.run.canaries import CHANGED, TAMPERED, end_if
 
+fcntl: Any = importlib.import_module("fcntl") if os.name == "posix" else None
 resource: Any = importlib.import_module("resource") if os.name == "posix" else None
 
 MOST_PRINTED = 1 << 18
@@ -42,28 +44,44 @@ MOST_PROCESSES = max(64, 4 * (os.cpu_count() or 1))
 _LOOK = 0.1
 """How often they are counted [s]."""
 
+_STOPPED = 10
+"""A worker that is found stopped this many times in a row is ended: what stops all processes stops its keeper, too."""
+
 _HARMLESS = {"SIGCHLD", "SIGCONT", "SIGSTOP", "SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGURG", "SIGWINCH"}
 _FATAL = sum(1 << (one - 1) for one in signal.Signals if one.name not in _HARMLESS) if os.name == "posix" else 0
+_BY_PROCESSOR_LIMIT = (-signal.SIGKILL, -signal.SIGXCPU) if os.name == "posix" else ()
+_ROUNDING = 0.5  # so much less than its limit may have been counted of a process that has used it up [s]
 _LEFT_OUT = b"\n(whatever else this process prints is left out)\n"
-_CHUNK = 1 << 16
+_TOO_MUCH = f"it printed more than {MOST_WRITTEN >> 20} MB in one case"
+_CHUNK = 1 << 20  # and the size of their pipe, where the system allows it: the fewer turns, the sooner too much is seen
 _ENDING = 5.0  # helpers that cannot be killed are left alone after this time [s]
-_PARENT_DEATH, _SUBREAPER = 1, 36  # PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER
+_PARENT_DEATH, _SUBREAPER, _SET_SIZE = 1, 36, 1031  # PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER, F_SETPIPE_SZ
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
 
 
 class BoundedText(io.TextIOWrapper):
-    """Standard error as text, which drops what is beyond the limit before it costs anything."""
+    """Standard error as text, which drops what is beyond the limit before it costs anything, but counts it.
 
-    def __init__(self) -> None:
+    Args:
+        case: number of the case that goes on.
+    """
+
+    def __init__(self, case: Callable[[], float]) -> None:
         super().__init__(io.FileIO(2, "w", closefd=False), errors="backslashreplace", line_buffering=True)
         self._left = MOST_PRINTED + 1  # so the keeper notices
+        self._case, self._at, self._dropped = case, case(), 0
 
     def write(self, text: str) -> int:
-        """Write what there is room for; return how much was given."""
+        """Write what there is room for; return how much was given. Ends the process where a case prints too much."""
         kept = text[: self._left]
         self._left -= len(kept)
         if kept:
             super().write(kept)
+        if len(kept) < len(text):
+            if (at := self._case()) != self._at:
+                self._at, self._dropped = at, 0
+            self._dropped += len(text) - len(kept)
+            end_if(_TOO_MUCH if self._dropped > MOST_WRITTEN else "")
         return len(text)
 
 
@@ -105,8 +123,8 @@ def keep(
     assert _LIBC is not None
     os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    for one in (signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD):  # which the parent may handle
+        signal.signal(one, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
     memory += _data_here()
@@ -114,6 +132,8 @@ def keep(
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     _LIBC.prctl(_SUBREAPER, 1, 0, 0, 0)
     keeper, (printed, theirs) = os.getpid(), os.pipe()
+    with contextlib.suppress(OSError):
+        fcntl.fcntl(theirs, _SET_SIZE, _CHUNK)
     child = os.fork()
     if child == 0:
         status = 1
@@ -212,15 +232,15 @@ class _Printed:
 
 
 def _wait(child: int, lifeline: int, printed: _Printed) -> tuple[int, str]:
-    """Wait until the child ends, or end it when the lifeline does, or when it prints or forks too much.
+    """Wait until the child ends, or end it when the lifeline does, or when it prints or forks too much, or is stopped.
 
-    Returns its exit status, negative for a signal, and of what there was too much, in words.
+    Returns its exit status, negative for a signal, and what was wrong with it, in words.
     """
     ended = os.pidfd_open(child)
     poll = select.poll()
     for descriptor in (ended, lifeline, printed.pipe):
         poll.register(descriptor, select.POLLIN)
-    counted, excess = time.monotonic(), ""
+    counted, excess, stops = time.monotonic(), "", 0
     while True:
         ready = {descriptor for descriptor, _ in poll.poll(1000.0 * _LOOK)}
         if printed.pipe in ready:
@@ -228,13 +248,18 @@ def _wait(child: int, lifeline: int, printed: _Printed) -> tuple[int, str]:
             if printed.is_over:
                 poll.unregister(printed.pipe)
             if not excess and printed.written > MOST_WRITTEN:
-                excess = f"it printed more than {MOST_WRITTEN >> 20} MB in one case"
+                excess = _TOO_MUCH
                 _kill(child)
         if not excess and time.monotonic() - counted >= _LOOK:
             _wait_for_orphans(child)
             many, counted = _count_below(os.getpid(), MOST_PROCESSES + 1) > MOST_PROCESSES + 1, time.monotonic()
             if many:
                 excess = f"it had more than {MOST_PROCESSES} processes at once"
+                _kill(child)
+            signal_there = _stopped_by(child)
+            stops = stops + 1 if signal_there else 0
+            if not excess and stops >= _STOPPED:
+                excess = f"it was stopped by signal {signal_there}"
                 _kill(child)
         if lifeline in ready:
             _kill(child)
@@ -243,8 +268,29 @@ def _wait(child: int, lifeline: int, printed: _Printed) -> tuple[int, str]:
             printed.pass_on(16)
             with contextlib.suppress(OSError):
                 os.killpg(child, signal.SIGKILL)  # before its number can be anybody else's
-            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            allowed = _processor_limit(child)
+            _, how, used = os.wait4(child, 0)
+            status = os.waitstatus_to_exitcode(how)
+            by_limit = status in _BY_PROCESSOR_LIMIT and used.ru_utime + used.ru_stime >= allowed - _ROUNDING
+            if not excess and by_limit and allowed < _processor_limit(0):
+                excess = f"it set itself a limit of {allowed:g} s of processor time, and used it up"
             return status, excess
+
+
+def _stopped_by(child: int) -> int:
+    """Return the signal by which a child is stopped now, or traced; 0 if it is not."""
+    with contextlib.suppress(ChildProcessError):
+        found = os.waitid(os.P_PID, child, os.WSTOPPED | os.WNOHANG | os.WNOWAIT)
+        return 0 if found is None else found.si_status
+    return 0
+
+
+def _processor_limit(process: int) -> float:
+    """Return for how long a process, also one that has ended, may use a processor [s]; 0 is this one."""
+    limits: tuple[int, ...] = ()
+    with contextlib.suppress(OSError):
+        limits = resource.prlimit(process, resource.RLIMIT_CPU)
+    return min((float(one) for one in limits if one != resource.RLIM_INFINITY), default=math.inf)
 
 
 def _kill(child: int) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 _MARK, _LENGTH, _CHUNK = b"parcours", struct.Struct("<Q"), 1 << 20
 _BEGUN = len(_MARK) + _LENGTH.size
+_MOST = 1 << 32  # no message of ours is longer [bytes]
 
 
 def packed(message: tuple[str, object]) -> bytes:
@@ -31,17 +32,22 @@ class LineMessages:
         if not said:
             raise EOFError
         self._said += said
-        if not self._said.startswith(_MARK[: len(self._said)]):
+        n = len(self._said)
+        if not self._said.startswith(_MARK[:n]) or (n >= _BEGUN and self._length() > _MOST):
             raise pickle.UnpicklingError("not a message")
 
     def has_whole(self) -> bool:
         """Return whether a whole message is there."""
         n = len(self._said)
-        return n >= _BEGUN and n - _BEGUN >= _LENGTH.unpack_from(self._said, len(_MARK))[0]
+        return n >= _BEGUN and n - _BEGUN >= self._length()
+
+    def _length(self) -> int:
+        """Return how long the content of the first message is [bytes]."""
+        return int(_LENGTH.unpack_from(self._said, len(_MARK))[0])
 
     def take(self) -> tuple[str, Any]:
         """Take the first message. Raises UnpicklingError, or what a foreign value raises."""
-        (length,) = _LENGTH.unpack_from(self._said, len(_MARK))
+        length = self._length()
         whole = bytes(self._said[_BEGUN : _BEGUN + length])
         del self._said[: _BEGUN + length]
         return _plain(whole)

@@ -91,7 +91,7 @@ class _Worker:
         # A forked worker holds the parent's ends too, and would not see them close when the parent is killed.
         mine = [self, *crew.staff] if crew.forks else []
         held = [end for worker in mine for end in (worker.line, worker.said, worker.life) if not end.closed]
-        self.kept = crew.strangers and can_keep()
+        self.kept, self.hung, self.n_items = crew.strangers and can_keep(), False, 0
         run: Callable[..., None] = _serve_kept if self.kept else _serve
         arguments: tuple[Any, ...] = (theirs, crew.task, block, says, lifeline, held, crew.own_group, crew.strangers)
         if self.kept:
@@ -111,9 +111,7 @@ class _Worker:
         self.ended: int = os.pidfd_open(self.process.pid) if can_keep() else self.process.sentinel
         self.watch = WorkerWatch(block, self.said.fileno(), crew.patience)
         self.key: int | None = None
-        self.n_items, self.hung = 0, False
-        self._own_group, self._strangers = crew.own_group, crew.strangers
-        self._messages = LineMessages()
+        self._own_group, self._strangers, self._messages = crew.own_group, crew.strangers, LineMessages()
 
     def start(self, key: int, item: tuple[Any, ...]) -> None:
         self.key = key
@@ -124,7 +122,7 @@ class _Worker:
 
     def has_hung(self) -> bool:
         self.hung = self.watch.has_hung()
-        return self.hung
+        return self.hung or self.watch.is_garbled  # in both cases it is ended at once
 
     def heard(self) -> tuple[str, Any] | None:
         """Return what it says, None if it has not said all of it. Raises EOFError, OSError, UnpicklingError."""
@@ -158,21 +156,22 @@ class _Worker:
         self.process.kill()
         self.process.join()
 
-    def lost(self) -> Lost:
-        """End it if need be, and return how it ended."""
-        if not self.hung:
+    def lost(self, changed: str = "") -> Lost:
+        """End it if need be, and return how it ended; `changed` is what was found of it here, in words."""
+        if not self.hung and not self.watch.was_garbled():
             self.wait(_GRACE)
         silent = not self.hung and self.process.exitcode is None
         self.kill()
         status, place = self.process.exitcode or 0, self.watch.place
         how: Literal["hung", "died", "tampered"] = "hung" if self.hung else "died"
-        if how == "died" and status == canaries.TAMPERED and place.startswith(canaries.CHANGED):
+        if how == "died" and (changed or self.watch.was_garbled()):
+            how, place = "tampered", canaries.CHANGED + (changed or "it wrote into the line to Parcours")
+        elif how == "died" and status == canaries.TAMPERED and place.startswith(canaries.CHANGED):
             how = "tampered"
         lost = Lost(how, status, place, None, silent=silent)
         case = self.watch.lost(how, {"hung": "", "died": lost.ending}.get(how, place))
-        lost = replace(lost, case=case, entered=self.watch.entered, fresh=self.n_items == 1)
         self.close()
-        return lost
+        return replace(lost, case=case, entered=self.watch.entered, fresh=self.n_items == 1)
 
     def close(self) -> None:
         """Close all ends of this side, once the process has ended."""
@@ -254,16 +253,16 @@ class Crew(Generic[R]):
         while True:
             try:
                 said = worker.heard()
-            except (EOFError, OSError):
-                return self._lost(worker)
-            except Exception:  # strangers have written there
+            except Exception as error:  # it has ended, or strangers have written there
+                worker.watch.was_garbled(elsewhere=self.strangers and not isinstance(error, (EOFError, OSError)))
                 return self._lost(worker)
             if said is None:
                 return None
+            if worker.watch.was_garbled():
+                return self._lost(worker)
             kind, value = said
             if kind == "raised" and self._was_changed(worker, value):
-                lost = self._lost(worker, ended=True)
-                return replace(lost, how="tampered", place=f"{canaries.CHANGED}what runs its cases raised {value}")
+                return self._lost(worker, ended=True, changed=f"what runs its cases raised {value}")
             if kind != "heard":
                 return Done(value) if kind == "done" else value
             worker.watch.restart()
@@ -273,15 +272,14 @@ class Crew(Generic[R]):
 
     def _was_changed(self, worker: _Worker, raised: Exception) -> bool:
         """Return whether strangers' code must be behind what a task raised: it lets none of theirs pass."""
-        if not self.strangers or isinstance(raised, ParcoursError):
-            return False
-        return worker.watch.has_entered() or worker.n_items > 1
+        is_ours = not self.strangers or isinstance(raised, ParcoursError)
+        return not is_ours and (worker.watch.has_entered() or worker.n_items > 1)
 
-    def _lost(self, worker: _Worker, *, ended: bool = False) -> Lost:
+    def _lost(self, worker: _Worker, *, ended: bool = False, changed: str = "") -> Lost:
         self.staff.remove(worker)
         if ended:
             worker.kill()
-        return worker.lost()
+        return worker.lost(changed)
 
     def close(self) -> None:
         """End all workers: at once those that are on an item."""
@@ -361,7 +359,7 @@ def _serve(
         end.close()
     with contextlib.suppress(OSError, ValueError):
         os.dup2(sys.stderr.fileno(), 1)  # standard output is the parent's, who may write JSON there
-    sys.stdout = sys.stderr = BoundedText() if strangers else sys.stderr
+    sys.stdout = sys.stderr = BoundedText(partial(case_in, block)) if strangers else sys.stderr
     share(block, says.fileno())
     if strangers and os.name == "posix":
         canaries.place((line.fileno(), says.fileno()))
@@ -374,6 +372,7 @@ def _serve(
 
 def _answer_items(line: Connection, task: Callable[..., object], strangers: bool) -> None:
     pid, process_id, keeper = os.getpid(), os.getpid, os.getppid() if strangers and can_keep() else 0
+    require_unchanged = canaries.require_unchanged  # by reference: it may be the last that works
     with contextlib.suppress(EOFError, OSError):
         while True:
             item = line.recv()
@@ -382,7 +381,7 @@ def _answer_items(line: Connection, task: Callable[..., object], strangers: bool
             if process_id() != pid:
                 os._exit(0)  # a child that a component forked came back into our code: it answers for nobody
             if strangers:
-                canaries.require_unchanged()
+                require_unchanged()
             if keeper:
                 end_with(keeper)
             try:

@@ -31,7 +31,7 @@ from parcours.studio.guarding import TokenGuard
 from parcours.studio.stepping import planned
 from parcours.studio.watching import PERIOD, Watched, code_in, study_behind, summary
 from parcours.study.finding import registered
-from parcours.study.study_file import OPTIONS
+from parcours.study.parameters import OPTIONS
 
 _OWN = {"": ("page.html", "text/html"), "studio.js": ("studio.js", "text/javascript"),
         "studio.css": ("studio.css", "text/css")}  # fmt: skip

@@ -189,12 +189,13 @@ def read_all(folders: Sequence[Path], given: str = "") -> list[tuple[Study, dict
     return list(families.values())
 
 
-def judge_case(case: Case, study: str = "", **settings: object) -> Judged:
+def judge_case(case: Case, study: str | Study = "", **settings: object) -> Judged:
     """Execute one case in simulated time and judge it.
 
     Args:
         case: of a study, as its plan or a suite file holds it.
-        study: how a command line names the study; by default the name in the case, which must be registered.
+        study: it, or how a command line names it, which reads its files again for each case; by default the name in
+            the case, which must be registered.
         settings: of the study's parameters, where they differ from the defaults.
 
     Raises:
@@ -206,5 +207,5 @@ def judge_case(case: Case, study: str = "", **settings: object) -> Judged:
     >>> judged.verdict.value, judged.case.study
     ('pass', 'lift')
     """
-    found = find(study or case.study)
+    found = find(study or case.study) if isinstance(study, str) else study
     return found.judge(case, settings_of(found.parameters, settings, f"study {found.name}"))

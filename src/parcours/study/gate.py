@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
 from parcours.report.pieces import Cell, Column, Table
+from parcours.study.parameters import Settings
 from parcours.study.protocol import Measure, Results
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import RateComparison, compare_with_published, holm, rate_difference, wilson
@@ -145,12 +146,26 @@ class Measured(Protocol):
         """Return them by name."""
 
 
+@runtime_checkable
+class Naming(Protocol):
+    """A study that knows before a run which measures its results may have."""
+
+    def measure_names(self, settings: Settings) -> Collection[str]:
+        """Return their names; none if it cannot tell."""
+
+
+def require_measures(conditions: Sequence[GateCondition], known: Collection[str]) -> None:
+    """Raise BadRequest if a condition asks for a measure that is not among the known ones."""
+    for condition in conditions:
+        if condition.measure not in known:
+            rule = f"it asks for {condition.measure!r}, which these results do not have"
+            raise BadRequest("--fail-if", rule, one_of(condition.measure, list(known)), slug="gate-measure")
+
+
 def check_condition(condition: GateCondition, results: Measured) -> GateResult:
     """Return what became of a condition. Raises BadRequest if the results have no such measure."""
     measures = results.measures()
-    if condition.measure not in measures:
-        rule = f"it asks for {condition.measure!r}, which these results do not have"
-        raise BadRequest("--fail-if", rule, one_of(condition.measure, list(measures)), slug="gate-measure")
+    require_measures([condition], measures)
     measure = measures[condition.measure]
     if measure.kind == "rate" and not 0.0 <= condition.limit <= 1.0:  # `stuck > 5` would never fail a build
         rule = f"{condition.measure} is a share, from 0 to 1, but is compared with {condition.limit:g}"

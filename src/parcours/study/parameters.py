@@ -104,6 +104,14 @@ class Parameter:
             return None
 
 
+# Options that commands or kinds of study have: no parameter may have their names
+OPTIONS = (
+    "address", "as_json", "baseline", "case", "cases", "cases_from", "chosen", "engine", "fail_if", "fresh",
+    "graph", "help", "host", "json", "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study",
+    "workers",
+)  # fmt: skip
+
+
 def settings_of(
     parameters: Sequence[Parameter], given: Mapping[str, object], where: str = "study"
 ) -> dict[str, Scalar]:
@@ -114,8 +122,10 @@ def settings_of(
     names = [parameter.name for parameter in parameters]
     for name in given:
         if name not in names:
-            rule = f"it has no parameter {name!r}"
-            raise BadRequest(where, rule, one_of(name, names) if names else "it has none", slug="parameter-unknown")
+            remedy = one_of(name, names) if names else "it has none"
+            if name in OPTIONS:
+                remedy = f"give it as an option of its own, --{name.replace('_', '-')}, where the command has it"
+            raise BadRequest(where, f"it has no parameter {name!r}", remedy, slug="parameter-unknown")
     return {one.name: one.read(given[one.name]) if one.name in given else one.default for one in parameters}
 
 

@@ -5,14 +5,16 @@
                            moved a little,         moved a little,
                            kept if still below     kept if still below
 
-The probability is the product of the shares that pass each level. A pilot fixes the levels; then every repeat is
-without bias whatever the levels are and however badly cases move, as long as moves leave the distribution of what a
-campaign draws as it is (Del Moral, Feynman-Kac Formulae, 2004; the chains: Au, Beck, Prob. Eng. Mechanics 16, 2001).
+The probability is the product of the shares that pass each level. There are most cases at first: what is moved stays
+near what it comes from, so how unlike cases are deep down depends on how many were drawn. A pilot fixes the levels;
+then every repeat is without bias whatever the levels are and however badly cases move, as long as moves leave the
+distribution of what a campaign draws as it is (Del Moral, Feynman-Kac Formulae, 2004; the chains: Au, Beck, Prob. Eng.
+Mechanics 16, 2001).
 
 A case is a point of the unit cube, from which its blocks and values follow, and a number, on which all else depends
-that is drawn. Values are moved in groups, each only if the campaign could have drawn the result. Blocks are equally
-likely in a campaign, but constraints leave them unlike room: so what the campaign would have rejected before
-these values is drawn along, and must be refused in the new blocks, too. Then a move is as likely as its reverse.
+that is drawn. Half of the values, a quarter, ... or one are moved, if the campaign could have drawn the result. Blocks
+are equally likely in a campaign, but constraints leave them unlike room: so what the campaign would have rejected
+before these values is drawn along, and must be refused in the new blocks, too. Then a move is as likely as its reverse.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from parcours.errors import BadRequest
 from parcours.run.campaign import Prepares
 from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.strangers import computed
-from parcours.study.falsifying import Cube, Floats, Search, UniformDraws, search_of
+from parcours.study.falsifying import Cube, Floats, Search, UniformDraws, moved, search_of, simulated
 from parcours.study.protocol import Progress
 from parcours.verdict.statistics import mean_of_log_normal, wilson
 
@@ -38,13 +40,13 @@ Integers = NDArray[np.int64]
 
 _PURPOSE = 0x73706C6974  # of the streams from which cases are drawn and moved (ASCII for `split`)
 REPEATS = 10
-SHARE = 0.1  # of the pilot's cases that pass a level
+SHARE = 0.1  # of the pilot's cases that pass a level; a fifth of it at first, so that as many pass
+FIRST = 5  # times as many cases are drawn at first as are moved at each level
 MOST_LEVELS = 40
 _LEAST = 25  # cases of a repeat
-_PILOT, _PILOT_BUDGET = 0.02, 0.25  # cases of the pilot, and what it may take in all, as shares of the budget
+_PILOT, _PILOT_BUDGET = 0.01, 0.35  # cases of the pilot, and what it may take in all, as shares of the budget
 _NUMBERS = 2.0**40  # numbers of cases lie below this
-_GROUPS = 4  # of inputs, moved one after the other
-_SCALES = 5  # steps of 1/2 .. 1/32 of a domain
+_SCALES = 7  # steps of 1/2 .. 1/128 of a domain
 _REDRAWN = 0.3  # share of moves that change the number
 _MOST_REJECTED = 4096
 FAILS = -1e-300  # no subnormal number: some libraries make processors take those for 0
@@ -52,6 +54,7 @@ FAILS = -1e-300  # no subnormal number: some libraries make processors take thos
 
 _ROW = [
     ("repeat", np.int64), ("simulations", np.int64), ("probability", np.float64), ("founders", np.int64),
+    ("drawn", np.int64),  # failures among the cases of a campaign
     ("levels", np.float64, (MOST_LEVELS,)), ("number", np.int64),
 ]  # fmt: skip
 
@@ -132,7 +135,7 @@ class Descent:
 
     search: Sampled
     seed: int
-    n: int  # cases at each level
+    n: int  # cases at each level, but for FIRST times as many at first
     levels: tuple[float, ...] = ()  # the last one is what is asked for
     most: int = 0  # simulations of the pilot
 
@@ -168,11 +171,11 @@ class _Flight:
     def down(self) -> NDArray[np.void]:
         """Go down all levels; return what was found on the way, shape (1,)."""
         n, levels = self._descent.n, list(self._descent.levels)
-        numbers = int(self._draws.uniform(1)[0] * _NUMBERS) + np.arange(n)
+        numbers = int(self._draws.uniform(1)[0] * _NUMBERS) + np.arange(FIRST * n)
         values = self._search.drawn(numbers)
         points = self._cube.points(values, self._draws.uniform(*values.shape))
-        cases = _Cases(points, numbers, self._far(values, numbers), np.arange(n))
-        probability, at = 1.0, 0
+        cases = _Cases(points, numbers, self._far(values, numbers), np.arange(FIRST * n))
+        probability, at, drawn = 1.0, 0, int((cases.far <= (levels or [FAILS])[-1]).sum())
         while True:
             if at == len(levels):
                 if self._descent.levels or not self._find(levels, cases.far):
@@ -190,7 +193,7 @@ class _Flight:
         row = np.zeros(1, [*_ROW, ("values", np.float64, (self._cube.n,))])
         row["repeat"], row["simulations"], row["probability"] = self._repeat, self._simulated, probability
         row["levels"], row["levels"][0, : len(levels)] = np.nan, levels
-        row["founders"], row["number"] = len(np.unique(cases.founders)), -1
+        row["founders"], row["number"], row["drawn"] = len(np.unique(cases.founders)), -1, drawn
         if len(cases.far) and cases.far[0] < 0.0:
             row["number"] = cases.numbers[0]
             row["values"] = self._search.settled(self._cube.values(cases.points[:1]), cases.numbers[:1])[0]
@@ -199,7 +202,7 @@ class _Flight:
     def _find(self, levels: list[float], far: Floats) -> bool:
         """Add the next level of the pilot if there are cases below the last one; return whether to go on."""
         above = levels[-1] if levels else math.inf
-        level = float(np.sort(far)[math.ceil(SHARE * len(far)) - 1])
+        level = float(np.sort(far)[math.ceil(SHARE * self._descent.n) - 1])
         if level >= above:  # many are equally near
             level = float(far[far < above].max(initial=-math.inf))
         if self._simulated >= self._descent.most or len(levels) == MOST_LEVELS - 1:  # this is as far as it goes
@@ -229,7 +232,8 @@ class _Flight:
         numbers = np.where(again, self._renumbered(cases.numbers), cases.numbers)
         points = np.where(again[:, np.newaxis], cases.points, self._proposed(cases.points, cases.numbers))
         values, _ = self._search.settled(self._cube.values(points), numbers)
-        far = self._far(values, numbers)
+        other, far = again | (points != cases.points).any(axis=1), cases.far.copy()
+        far[other] = self._far(values[other], numbers[other])
         stays = far <= level
         return _Cases(
             np.where(stays[:, np.newaxis], points, cases.points), np.where(stays, numbers, cases.numbers),
@@ -244,25 +248,17 @@ class _Flight:
 
     def _proposed(self, points: Floats, numbers: Integers) -> Floats:
         """Return points near by, from which the way back is as likely, among those that a campaign may draw."""
-        n_cases, n = points.shape
         owners, rejected = self._rejected(points, numbers)
-        steps = np.ldexp(1.0, -1 - (self._draws.uniform(n_cases) * _SCALES).astype(np.int64))
-        order = np.argsort(self._draws.uniform(n), kind="stable")
-        for group in filter(len, np.array_split(order, _GROUPS)):
-            moves = self._draws.uniform(n_cases) < 0.5
-            new = points.copy()
-            new[:, group] += steps[:, np.newaxis] * (2.0 * self._draws.uniform(n_cases, len(group)) - 1.0)
-            new = 1.0 - np.abs(1.0 - np.abs(new))  # thrown back at the faces of the cube
-            good = moves & self._search.settled(self._cube.values(new), numbers)[1]
-            blocks = self._cube.blocks(new)
-            changed = good & (blocks != self._cube.blocks(points)).any(axis=1)
-            asked = np.flatnonzero(changed[owners])
-            if len(asked):
-                drawn = (blocks[owners[asked]] + rejected[asked]) / self._cube.sizes
-                taken = self._search.settled(self._cube.values(drawn), numbers[owners[asked]])[1]
-                good[owners[asked[taken]]] = False
-            points = np.where(good[:, np.newaxis], new, points)
-        return points
+        new = moved(points, self._draws, _SCALES)
+        good = self._search.settled(self._cube.values(new), numbers)[1]
+        blocks = self._cube.blocks(new)
+        changed = good & (blocks != self._cube.blocks(points)).any(axis=1)
+        asked = np.flatnonzero(changed[owners])
+        if len(asked):
+            drawn = (blocks[owners[asked]] + rejected[asked]) / self._cube.sizes
+            taken = self._search.settled(self._cube.values(drawn), numbers[owners[asked]])[1]
+            good[owners[asked[taken]]] = False
+        return np.where(good[:, np.newaxis], new, points)
 
     def _rejected(self, points: Floats, numbers: Integers) -> tuple[Integers, Floats]:
         """Return what a campaign may have rejected before these points: whose it is, and places within blocks."""
@@ -279,16 +275,9 @@ class _Flight:
         return np.concatenate(owners), np.concatenate(places)
 
     def _far(self, values: Floats, numbers: Integers) -> Floats:
-        """Return how far cases are from failing; those of one number are simulated one after the other."""
-        far, left = np.empty(len(numbers)), np.arange(len(numbers))
+        """Return how far cases are from failing."""
         self._simulated += len(numbers)
-        while len(left):
-            _, first = np.unique(numbers[left], return_index=True)
-            first.sort()
-            now = left[first]
-            far[now] = self._search.simulate(values[now], numbers[now])[0]
-            left = np.delete(left, first)
-        return far
+        return simulated(self._search, values, numbers)[0]
 
 
 def estimate(
@@ -312,10 +301,10 @@ def estimate(
         rule = "there must be test inputs whose draws can be moved, but there are none"
         raise BadRequest("rare", rule, "give the world `data`, or run a campaign", slug="falsify-inputs")
     forks = search.study.prepare() if isinstance(search.study, Prepares) else False
-    pilot = Descent(search, seed, max(int(_PILOT * budget), 4 * _LEAST), most=int(_PILOT_BUDGET * budget))
+    pilot = Descent(search, seed, max(int(_PILOT * budget), 2 * _LEAST), most=int(_PILOT_BUDGET * budget))
     [(_, found)] = computed(pilot, [range(1)], 1, lambda k: "the pilot", forks=forks)
     levels = tuple(found["levels"][0][~np.isnan(found["levels"][0])].tolist())
-    n = (budget - int(found["simulations"][0])) // (repeats * len(levels)) if levels else 0
+    n = (budget - int(found["simulations"][0])) // (repeats * (FIRST + len(levels) - 1)) if levels else 0
     if n < _LEAST:
         rule = f"each of {repeats} repeats needs {_LEAST} cases at each of {len(levels)} levels, but has {max(n, 0)}"
         raise BadRequest("--max-runs", rule, "raise it", slug="rare-budget")
@@ -337,14 +326,15 @@ def rarity(descent: Descent, piloted: int, rows: NDArray[np.void]) -> Rarity:
         piloted: how many simulations went before them.
         rows: of each repeat, as `Descent` gives them.
     """
-    found, levels = rows["probability"], descent.levels
-    if len(levels) == 1:  # cases of a campaign
-        n = descent.n * len(found)
-        known = wilson(round(float(found.mean()) * n), n)
+    found, levels, n = rows["probability"], descent.levels, FIRST * descent.n * len(rows)
+    failed_at_first = int(rows["drawn"].sum())  # of a campaign
+    if len(levels) == 1 or not found.any():
+        known = wilson(failed_at_first, n)
         low, high = known.low, known.high
     else:
-        low, high = mean_of_log_normal(found[found > 0.0])
-        low, high = (low if (found > 0.0).all() else 0.0), min(high, 1.0)
+        low, high = mean_of_log_normal(found)
+        high = min(high, wilson(failed_at_first, n, 0.99).high)  # seldom too low: of two bounds one is taken
+        low = min(low, high)
     reached = levels[-1] < 0.0
     failed = rows[rows["number"] >= 0][:1] if reached else rows[:0]
     named = dict(zip(descent.search.inputs.names, failed["values"][0].tolist(), strict=True)) if len(failed) else None

@@ -17,19 +17,13 @@ from parcours.model.expression import Expression, names, parse_expression
 from parcours.model.finding import Finding, advice, complaint, errors_among
 from parcours.model.nodes import brief, shown
 from parcours.run.binding.quantities import QuantityReader, constant
-from parcours.study.parameters import KINDS, Parameter
+from parcours.study.parameters import KINDS, OPTIONS, Parameter
 from parcours.study.protocol import Study
 
 FORMAT = "study/1"
 # Entry points of this group read further kinds of study: `name = package.module:function`, called as a `Reader`
 KIND_GROUP = "parcours.kinds"
 _COMMON = ("doc", "kind", "parameters")
-# Options that commands or kinds of study have: no parameter may have their names
-OPTIONS = (
-    "address", "as_json", "baseline", "case", "cases", "cases_from", "chosen", "engine", "fail_if", "fresh",
-    "graph", "help", "host", "json", "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study",
-    "workers",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +55,7 @@ def check_study_file(path: Path, text: str | None = None) -> tuple[Study | None,
         rule = f"a study must be a readable file, but: {said}"
         remedy = "check the path, or write one with `parcours new`"
         raise BadRequest(str(path), rule, remedy, slug="unreadable-file") from None
-    document, unread = read_document(text, str(path))
-    found = [replace(one, message=one.message.replace("a model", "a study", 1)) for one in unread]
+    document, found = read_document(text, str(path), "a study")
     study: Study | None = None
     if document is not None:
         reader = StudyReader(str(path), path.absolute())
@@ -72,11 +65,9 @@ def check_study_file(path: Path, text: str | None = None) -> tuple[Study | None,
     return None if errors_among(ordered) else study, ordered
 
 
-def refusal(found: tuple[Finding, ...]) -> BadRequest:
+def refusal(found: tuple[Finding, ...]) -> ParcoursError:
     """Return one error that says all errors among the findings, one per line."""
-    error = complaint(errors_among(found))
-    rule = error.rule.replace("a model must have no errors", "a study must have no errors", 1)
-    return BadRequest(error.where, rule, error.remedy, slug=error.slug.replace("model-errors", "study-errors"))
+    return complaint(errors_among(found), "a study", BadRequest, "study-errors")
 
 
 class StudyReader(QuantityReader):
@@ -160,10 +151,11 @@ class StudyReader(QuantityReader):
         """Return a file that the study names; `absent`, if it is there, where node is None. Its digest counts."""
         text = self.text(node, what, absent)
         path = self.folder / text
-        if not text or (node is None and not path.is_file()):
+        if not text or (node is None and not path.exists()):
             return None
         if not path.is_file():
-            self.add(node, "study-file", f"{what} must be a file, but there is no {brief(text)}", "check the path")
+            seen = f"{brief(text)} is a folder" if path.is_dir() else f"there is no {brief(text)}"
+            self.add(node, "study-file", f"{what} must be a file, but {seen}", "check the path")
             return None
         self.digest(path)
         return path

@@ -75,7 +75,7 @@ class ResultTable:
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column. Raises BadRequest if there is none of that name."""
         if name not in self.columns:
-            rule = f"a column must be one of the results', but there is no {name!r}"
+            rule = f"the results must have a column of that name, but have no {name!r}"
             raise BadRequest("results", rule, one_of(name, list(self.columns)), slug="results-column")
         if name not in self._made:
             self._made[name] = self.columns[name].make()

@@ -30,12 +30,13 @@ how to see its run. A case that cannot be judged (verdict inconclusive) is repor
 
 {imports}
 
+STUDY = find({study})
 {cases}
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
 def test_case(case: Case) -> None:
-    judged = judge_case(case{arguments})
+    judged = judge_case(case, STUDY{arguments})
     if judged.verdict == "inconclusive":
         pytest.xfail(judged.why)
     if judged.verdict != "pass":
@@ -50,12 +51,14 @@ def to_pytest(
     """Return the text of a pytest file for some cases.
 
     >>> case = Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)
-    >>> print("\\n".join(to_pytest([case], "test_demo.py").splitlines()[9:19]))
+    >>> print("\\n".join(to_pytest([case], "test_demo.py").splitlines()[9:21]))
     import pytest
     <BLANKLINE>
     from parcours.study import judge_case
+    from parcours.study.finding import find
     from parcours.suite import Case
     <BLANKLINE>
+    STUDY = find('demo')
     NAMES = ('v',)
     <BLANKLINE>
     CASES = [
@@ -69,20 +72,24 @@ def to_pytest(
     if not suite and len(cases) > MOST_EMBEDDED:
         rule = f"a script holds at most {MOST_EMBEDDED} cases, but the suite has {len(cases)}"
         raise BadRequest("export", rule, "let the script read the suite file: --refer", slug="export-size")
-    imports = ["import pytest", "", "from parcours.study import judge_case", "from parcours.suite import Case"]
+    imports = [
+        "import pytest", "", "from parcours.study import judge_case", "from parcours.study.finding import find",
+        "from parcours.suite import Case",
+    ]  # fmt: skip
     is_place = "/" in study or study.endswith((".yaml", ".yml")) or study.startswith(".")
     if suite:
         imports += ["from parcours.suite.exporting import sealed_cases"]
     if suite or is_place:
         imports = ["from pathlib import Path", "", *imports]
-    arguments = [f"study=str(Path(__file__).parent / {study!r})" if is_place else f"study={study!r}"] if study else []
-    arguments += [f"{key}={value!r}" for key, value in (settings or {}).items()]
+    found = f"str(Path(__file__).parent / {study!r})" if is_place else repr(study or studies[0])
+    arguments = [f"{key}={value!r}" for key, value in (settings or {}).items()]
     where = f"SUITE = Path(__file__).parent / {suite!r}\nSHA256 = {sha256!r}\n\nCASES = sealed_cases(SUITE, SHA256)"
     return _SCRIPT.format(
         title=f"{len(cases)} cases of {studies[0]}, {len({case.abstract for case in cases})} abstract cases.",
         name=re.sub(r"[^\w.-]", "_", PurePath(name).name),  # a file may be called anything
         some=f"{cases[0].abstract!r}    those of one abstract case",
         imports="\n".join(imports),
+        study=found,
         cases=where if suite else _embedded(cases),
         arguments="".join(f", {one}" for one in arguments),
     )

@@ -261,25 +261,35 @@ def quantiles(values: ArrayLike, at: Sequence[float] = (0.1, 0.25, 0.5, 0.75, 0.
 def mean_of_log_normal(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
     """Return an interval for the mean of what is log-normally distributed (Cox's; Olsson, J. Stat. Educ. 13, 2005).
 
-    The interval of the mean logarithm alone is one of the median, which lies below the mean.
+    The interval of the mean logarithm alone is one of the median, which lies below the mean. Zeros have no logarithm:
+    where there are some, the upper end is that of the others, which is too high, and the lower end that of a gamma
+    distribution with the mean and variance of all (Fay, Feuer, Statistics in Medicine 16, 1997).
 
     Args:
-        values: independent of each other, all positive, shape (n,).
+        values: independent of each other, not negative, shape (n,).
 
     >>> low, high = mean_of_log_normal([1e-4, 2e-4, 1.5e-4, 0.8e-4])
     >>> f"{low:.2g} {high:.2g}"
     '6.8e-05 0.00027'
     >>> mean_of_log_normal([1e-4])  # nothing is known of how they spread
     (0.0, inf)
+    >>> low, high = mean_of_log_normal([1e-4, 0.0, 1e-4, 2e-4])
+    >>> f"{low:.2g} {high:.2g}"
+    '3.7e-05 0.00039'
     """
-    from scipy.special import stdtrit
+    from scipy.special import gammaincinv, stdtrit
 
-    logs = np.log(np.asarray(values, np.float64))
-    n = len(logs)
+    found = np.asarray(values, np.float64)
+    logs = np.log(found[found > 0.0])
+    n, tail = len(logs), (1.0 - confidence) / 2
+    if 0 < n < len(found):
+        mean, spread = float(found.mean()), float(found.var(ddof=1)) / len(found)
+        low = spread / mean * float(gammaincinv(mean**2 / spread, tail))
+        return low, mean_of_log_normal(found[found > 0.0], confidence)[1]
     if n < 2:
         return 0.0, math.inf
     spread = float(logs.var(ddof=1))
-    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * math.sqrt(spread / n + spread**2 / (2 * (n - 1)))
+    half = float(stdtrit(n - 1, 1.0 - tail)) * math.sqrt(spread / n + spread**2 / (2 * (n - 1)))
     middle = float(logs.mean()) + spread / 2
     return math.exp(middle - half), math.exp(middle + half)
 

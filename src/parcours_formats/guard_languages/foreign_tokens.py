@@ -11,6 +11,7 @@ from typing import Literal, NoReturn, TypeAlias, TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.expression.evaluation import INTEGER_LIMIT
+from parcours.model.expression.tokens import pointed_at
 
 Language: TypeAlias = Literal["javascript", "uppaal"]
 _T = TypeVar("_T")
@@ -184,11 +185,7 @@ class ForeignTokens:
         self._fail_at(self.token, rule, "expression-size")
 
     def _fail_at(self, token: ForeignToken, rule: str, slug: str, remedy: str = "") -> NoReturn:
-        before, after = self.text[max(0, token.at - 40) : token.at], self.text[token.at : token.at + 40]
-        before = before if token.at <= 40 else "..." + before[3:]
-        after = after if len(self.text) - token.at <= 40 else after[:37] + "..."
-        shown = " ".join(f"{before}^{after}".split())
-        raise BadModel(self.where(token), f'{rule} in "{shown}"', remedy, slug=slug)
+        raise BadModel(self.where(token), f"{rule} in {pointed_at(self.text, token.at)}", remedy, slug=slug)
 
     def _split(self) -> list[ForeignToken]:
         found, at, fresh = [], 0, False

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from parcours.abtc import Event
 from parcours.run.binding.in_transit import CONTINUED, ENDS, STOPPED, RawMessage, ServiceCall
@@ -39,6 +39,7 @@ _GLANCE = 200_000
 """Interval between two looks at whether it rests [ns]."""
 _SETTLE = 200_000_000
 """How long the background runs, and nodes get on that were waiting for an answer, before the case moves [ns]."""
+_NEVER = 1 << 62
 
 
 @dataclass(eq=False, slots=True)
@@ -117,11 +118,13 @@ class AbstractDrive:
             turn = _Turn(event, missing=[send.channel for send in event.sends if send.channel in self._bound])
             self._to_do.setdefault(event.reference, deque()).append(turn)
         self._done: set[int] = set()
+        self._begins = _NEVER
+        """When the case moves [ns since the run began]."""
         self._precedence = Precedence(events)
         self._gates: dict[tuple[int, str], deque[RawMessage]] = {}
         self._frozen: set[int] = set()
         self._answering: dict[str, bool] = {}
-        self._failed = ""
+        self._failed = self._unheld()
         self._background = _Background(session, maker, events)
         self._relay.arrived = self._arrived
         self._relay.unserved = lambda message: maker.answer(self._relay, message)
@@ -134,22 +137,28 @@ class AbstractDrive:
         """
         session = self._session
         is_quiet = not self._background.is_needed and not self._early and not self._relay.calls
-        begin = session.case_began + (0 if is_quiet else _SETTLE)
+        self._begins = session.case_began + (0 if is_quiet else _SETTLE)
         for message in self._early:
             self._arrived(message)
         while not self._is_over():
             now = session.now()
             self._background.say(now)
-            if now >= begin:
-                self._grant(now)
-            session.is_clock_held = self._is_awaited()
+            self._grant(now)
             session.poll(session.now() + (_GLANCE if session.is_clock_held else 5_000_000))
             self._judge.watch.quiet(session.horizon)
             self._expire(session.now())
+        self._begins = _NEVER
         self._thaw(all_of_them=True)
         if self._failed:
             self._relay.tell("deviation", "", text=self._failed)
         self._relay.note(ENDS)
+
+    def _unheld(self) -> str:
+        """Return why the case cannot be had, if nothing keeps a receiver from what it is sent; else empty."""
+        sent = (send.channel for event in self._events for send in event.sends if send.channel in self._bound)
+        bare = next((name for name in sent if self._binding.channel(name).observe), None)
+        why = "is only observed, so its receiver cannot be kept from it: bind it without 'observe: true'"
+        return "" if bare is None else f"{bare} {why}"
 
     def _is_over(self) -> bool:
         watch = self._judge.watch
@@ -164,7 +173,7 @@ class AbstractDrive:
 
     def _grant(self, now: int) -> None:
         """Let every reference begin what is its turn; again, while something was over at once."""
-        moved = True
+        moved = now >= self._begins
         while moved and not self._failed:
             moved = False
             self._thaw()
@@ -176,6 +185,7 @@ class AbstractDrive:
                     moved |= self._begin(reference, to_do[0])
                 elif to_do and to_do[0].since >= 0 and self._is_over_for(reference, to_do[0]):
                     moved |= self._finish(reference, to_do[0])
+        self._session.is_clock_held = self._is_awaited()
 
     def _begin(self, reference: int, turn: _Turn) -> bool:
         event = turn.event
@@ -232,7 +242,10 @@ class AbstractDrive:
                 return
             self._relay.answer(call, message)
         else:
-            self._relay.release(replace(message, call=None), slot.name)
+            given = RawMessage(
+                message.number, message.channel, message.slot, message.sender, message.data, message.time
+            )
+            self._relay.release(given, slot.name)
         turn.last = self._session.now()
 
     def _call_of(self, slot: ProcessSlot, channel: str) -> ServiceCall | None:
@@ -310,6 +323,7 @@ class AbstractDrive:
         if not turn.missing:
             turn.is_given = True
             self._finish(reference, turn)
+            self._grant(self._session.now())  # at once: what it waited for goes on before anything else is done
 
     def _gated(self, event: Event, message: RawMessage) -> None:
         sent = next(send for send in event.sends if send.channel == message.channel)

@@ -19,7 +19,7 @@ from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.in_transit import BEGINS, CONTINUED, MADE, STALLED, STOPPED
 from parcours.run.binding.structure import Binding
 from parcours.run.recording import Raw
-from parcours.run.trace import TraceEvent
+from parcours.run.trace import Kind, TraceEvent
 from parcours.verdict.conformance import Checker, TraceDeviation
 
 SLACK = 500_000_000
@@ -141,9 +141,10 @@ class _Followed:
     def _pass(self, sender: str, receiver: str, event: TraceEvent, now: int | None = None) -> None:
         self._number += 1
         time = self._own(event.time if now is None else now)
-        one = replace(event, time=time, kind="send", component=sender, message=self._number)
-        self.checker.observe(one)
-        self.checker.observe(replace(one, kind="receive", component=receiver))
+        ends: tuple[tuple[Kind, str], ...] = ("send", sender), ("receive", receiver)
+        for kind, who in ends:
+            said = event.transition, event.channel, self._number, event.text, event.payload
+            self.checker.observe(TraceEvent(time, kind, who, *said))
 
 
 class _Fields:

@@ -281,7 +281,11 @@ class AbstractJudge:
     def observe(self, event: TraceEvent) -> None:
         """Take note of the next event."""
         self.watch.observe(event)
-        self._trace.append(replace(event, payload=None))
+        # Without the payload, which may be large; `replace` would take longer than all else here.
+        bare = TraceEvent(
+            event.time, event.kind, event.component, event.transition, event.channel, event.message, event.text
+        )
+        self._trace.append(bare)
         if event.kind == "deviation":
             self._stopped = event.text
 

@@ -101,6 +101,7 @@ class StackNodes:
                 enter_own_network()
             host = self._closing.enter_context(ForeignHost(binding, _folder(), is_shared=not self._stack.own))
             self._session: Session = Session(host, whole(binding), listener=self._hear)
+            self._session.relay.reports_at_once = True  # time stands still until a command has been heard
             self._closing.callback(self._session.end)
             self._session.start()
             self._compiled: Compiled = host.compile()

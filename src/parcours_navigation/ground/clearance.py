@@ -138,7 +138,7 @@ def _nearest(
     n_segments, columns, stands, best = int(packed[SEGMENTS]), int(packed[COLUMNS]), x0 == x1 and y0 == y1, bound
     for k in range(first_ring(packed, lower - away), last_ring(packed, column, row) + 1):
         gap = ring_gap(packed, qx, qy, column, row, k)
-        if max(gap, away) - half > best:
+        if k > 0 and max(gap, away) - half > best:  # a disc of ring 0 may cover the place: it is nearer than the gap
             break
         low, high = ring_rows(packed, row, k)
         for r in range(low, high):

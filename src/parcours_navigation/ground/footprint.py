@@ -145,7 +145,7 @@ def _piece_least(
     column, row, best = column_of(packed, mx), row_of(packed, my), bound
     n_segments, columns = int(packed[SEGMENTS]), int(packed[COLUMNS])
     for k in range(last_ring(packed, column, row) + 1):
-        if ring_gap(packed, mx, my, column, row, k) - spread > best:
+        if k > 0 and ring_gap(packed, mx, my, column, row, k) - spread > best:  # a disc of ring 0 may cover the middle
             break
         low, high = ring_rows(packed, row, k)
         for r in range(low, high):

@@ -51,13 +51,15 @@ def read_map(path: Path | str) -> Map:
     keys = _keys(root, path)
     resolution = _number(keys, "resolution", path, 0.0, FARTHEST)
     if resolution == 0.0:
-        raise _bad(keys["resolution"], path, "the side of a cell must be above 0 m, but is 0", "map-resolution")
+        raise _bad(
+            keys["resolution"], path, "the side of a cell must be above 0 m, but is 0", "map-resolution", "give metres"
+        )
     origin = _origin(keys["origin"], path)
     occupied = _number(keys, "occupied_thresh", path, 0.0, 1.0, 0.65)
     free = _number(keys, "free_thresh", path, 0.0, 1.0, 0.196)
     if free >= occupied:
         rule = f"free_thresh must be below occupied_thresh, but is {free:g}, and the other {occupied:g}"
-        raise _bad(keys.get("free_thresh", root), path, rule, "map-key")
+        raise _bad(keys.get("free_thresh", root), path, rule, "map-key", "exchange them")
     mode = keys.get("mode")
     kind = "trinary" if mode is None else _text(mode, "mode", path)
     if kind not in MODES:
@@ -128,7 +130,7 @@ def _keys(root: Mapping, path: Path) -> dict[str, Node]:
 
 def _text(node: Node, name: str, path: Path) -> str:
     if not isinstance(node, Scalar) or not node.text or "\0" in node.text:
-        raise _bad(node, path, f"{name} must be a word", "map-key")
+        raise _bad(node, path, f"{name} must be a word or a number, but is neither", "map-key", "write one")
     return node.text
 
 
@@ -141,7 +143,13 @@ def _float(node: Node, name: str, path: Path, low: float, high: float) -> float:
         number = np.nan
     if not low <= number <= high:
         rule = f"{name} must be a number from {low:g} to {high:g}, but is {given[:40]}"
-        raise _bad(node, path, rule, "map-resolution" if name == "resolution" else "map-key")
+        raise _bad(
+            node,
+            path,
+            rule,
+            "map-resolution" if name == "resolution" else "map-key",
+            "give a number alone, in SI units",
+        )
     return number
 
 
@@ -154,14 +162,14 @@ def _negate(node: Node | None, path: Path) -> bool:
         return False
     given = _text(node, "negate", path)
     if given not in ("0", "1", "false", "true"):
-        raise _bad(node, path, f"negate must be 0 or 1, but is {given[:40]!r}", "map-key")
+        raise _bad(node, path, f"negate must be 0 or 1, but is {given[:40]!r}", "map-key", "write one of them")
     return given in ("1", "true")
 
 
 def _origin(node: Node, path: Path) -> tuple[float, float]:
     """Return the lower left corner [m]; a map that is turned is refused."""
     if not isinstance(node, Sequence) or len(node.items) not in (2, 3):
-        raise _bad(node, path, "origin must be [x, y, yaw]", "map-key")
+        raise _bad(node, path, "origin must be [x, y, yaw], but is not", "map-key", "write three numbers [m, m, rad]")
     given = [_float(item, "origin", path, -FARTHEST, FARTHEST) for item in node.items]
     if given[2:] not in ([], [0.0]):
         rule = f"a map's axes must be those of the world, but its origin is turned by {given[2]:g} rad"

@@ -157,7 +157,8 @@ def bounds_of(given: ArrayLike, where: str = "bounds") -> Floats:
     bounds: Floats = table(np.atleast_2d(np.asarray(given, dtype=object)), 4, where)[0]
     if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
         rule = "they are x0, y0, x1, y1 with x0 < x1 and y0 < y1, but are "
-        raise BadGround(where, rule + ", ".join(f"{value:g}" for value in bounds), slug="ground-bounds")
+        given_as = ", ".join(f"{value:g}" for value in bounds)
+        raise BadGround(where, rule + given_as, "give the lower left corner first", slug="ground-bounds")
     return bounds
 
 
@@ -168,7 +169,7 @@ def faults(segments: Floats, discs: Floats) -> Iterator[BadGround]:
         yield BadGround(f"wall {i + 1}", rule, "delete it, or give a disc", slug="wall-length")
     for i in np.flatnonzero(discs[:, 2] <= 0.0):
         rule = f"a radius must be above 0 m, but is {discs[i, 2]:g} m"
-        yield BadGround(f"disc {i + 1}", rule, slug="disc-radius")
+        yield BadGround(f"disc {i + 1}", rule, "give metres above 0, or delete it", slug="disc-radius")
 
 
 def _place(point: Floats) -> str:

@@ -68,6 +68,16 @@ def _refuse(where: str, rule: str) -> NoReturn:
     raise BadGround(where, rule, "write the picture again", slug="map-image")
 
 
+def _end_of_head(content: bytes, at: int, n_bytes: int) -> int:
+    """Return where the levels begin: after one white space; as netpbm has it, a comment counts as its line's end.
+
+    A head that was written with CR and LF has two, which shows in the size of the file.
+    """
+    if content[at : at + 1] == b"#":
+        at = max(content.find(b"\n", at), at)
+    return at + 2 if content[at : at + 2] == b"\r\n" and len(content) == at + 2 + n_bytes else at + 1
+
+
 def read_pgm(content: bytes, where: str) -> Grey:
     """Return the grey levels of a PGM picture, 0 to 255, shape (rows, columns), from the top downwards.
 
@@ -91,8 +101,10 @@ def read_pgm(content: bytes, where: str) -> Grey:
     require_cells(columns, rows, where)
     if content[:2] == b"P5":
         wide = np.dtype(">u2" if top > 255 else "u1")
-        data = content[at + 1 : at + 1 + columns * rows * wide.itemsize]  # one white space ends the head
-        if len(data) < columns * rows * wide.itemsize:
+        n_bytes = columns * rows * wide.itemsize
+        at = _end_of_head(content, at, n_bytes)
+        data = content[at : at + n_bytes]
+        if len(data) < n_bytes:
             _refuse(where, f"{columns} x {rows} levels must follow the head, but the file ends before")
         levels = np.frombuffer(data, wide).astype(np.int64)
     else:

@@ -15,17 +15,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.exception_text import Overdue, is_ctrl_c, place, said
+from parcours.run.exception_text import Overdue, cut, is_ctrl_c, place, said
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.concluding import conclude, gaps_of, sum_up_later, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
 from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.measuring import take_own
-from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
+from parcours_navigation.guests.planner_facts import FACTS, REASON_LENGTH, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planner_tasks import handed_out, planner_seed
 from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
@@ -111,6 +112,9 @@ class GuestHost:
         batch = None if setting.delay or plugin.needs else plugin.batch
         self._batch_size = 1 if batch is None else batch.size
         self._lockstep = None if batch is None else Lockstep(batch, self._clock, lambda: end_if_forked(self._pid))
+        # What the planner has loaded gets one thread: workers are as many as cores already, and how BLAS shares work
+        # out among threads may show in the last bits.
+        self._libraries = ThreadpoolController()
         self.monitor: Monitor | None = None  # judges requirements over the cases that are run, if there are any
 
     @property
@@ -123,7 +127,7 @@ class GuestHost:
         done: list[bytes] = []  # what is finished is nothing that a planner's hands could change in passing
         self._pid = os.getpid()
         deadline = Deadline(self._clock, self._setting.call_timeout)
-        with deadline, contextlib.redirect_stdout(sys.stderr):
+        with deadline, contextlib.redirect_stdout(sys.stderr), self._libraries.limit(limits=1):
             try:
                 size = self._batch_size
                 for first in range(0, len(staged), size):
@@ -231,8 +235,11 @@ class GuestHost:
         facts = np.zeros(1, FACTS)
         try:
             deadline.begin(self._allowed)
-            with contextlib.suppress(Overdue):
+            try:
                 self._run_case(staged, seed, facts)
+            except Overdue:  # the planner's own, unless the deadline rang
+                time = int(self._clock[heartbeat.TIME])
+                facts[:] = lost(staged.number, PlannerFault.RAISED, "raised: Overdue", time)
             deadline.end()
         except Overdue:  # again, while the first was on its way
             deadline.end()
@@ -387,7 +394,6 @@ def hung(number: int, time: int, call_timeout: float) -> NDArray[np.void]:
 
 
 def _words(error: BaseException, file: str) -> str:
-    """Return what was raised and where: in the planner's own file if it passed there."""
-    _, where = place(error, file)
-    head, room = said(error), 150 - len(where)
-    return f"{head if len(head) <= room else head[: max(room - 3, 0)] + '...'} ({where})"
+    """Return what was raised and where: in the planner's own file if it passed there. Where is never cut."""
+    where = f" ({place(error, file)[1]})"
+    return cut(said(error), max(REASON_LENGTH - len("raised: ") - len(where.encode()), 20)) + where

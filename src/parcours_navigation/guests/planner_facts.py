@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.exception_text import without_addresses
+from parcours.run.exception_text import cut, without_addresses
 from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.facts import NEVER
 from parcours_navigation.measures.table import MEASURES
@@ -42,10 +42,7 @@ def reason_bytes(reason: str) -> bytes:
     >>> reason_bytes("returned <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
     b'returned <object object at 0x...> twice'
     """
-    encoded = without_addresses(reason).encode("utf-8", "replace")
-    if len(encoded) <= REASON_LENGTH:
-        return encoded
-    return encoded[: REASON_LENGTH - 3].decode("utf-8", "ignore").encode() + b"..."
+    return cut(without_addresses(reason), REASON_LENGTH).encode("utf-8", "replace")
 
 
 def lost(number: int, fault: PlannerFault, reason: str, time: int) -> NDArray[np.void]:

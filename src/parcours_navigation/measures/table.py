@@ -115,8 +115,15 @@ AS_PUBLISHED = (
 )
 """What `measure_as_published` fills in, in the order of PUBLISHED."""
 
-MEASURES = np.dtype([(metric.name, "f8") for metric in METRICS])
-"""The metrics of one run as they are defined."""
+_DOUBLE = {
+    "duration", "time_to_goal", "time_to_set_out", "displacement", "time_at_rest", "time_halted", "longest_halt",
+    "needed_turn",
+}  # fmt: skip
+"""Metrics that are multiples of the track's period, or given: a rule may ask for such a number to its last digit."""
+
+MEASURES = np.dtype([(metric.name, "f8" if metric.name in _DOUBLE else "f4") for metric in METRICS])
+"""The metrics of one run as they are defined, in single precision (seven digits) unless their values are round: double
+precision would take a third more of a campaign's folder for digits that no sensor and no rule can tell apart."""
 
 PUBLISHED = np.dtype([(metric.name, "f8") for metric in AS_PUBLISHED])
 """The metrics of one run as published code computes them."""

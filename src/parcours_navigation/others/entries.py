@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,9 @@ from parcours_navigation.others.kinds import (
 from parcours_navigation.others.ranges import (
     Box,
     Point,
-    require_box,
     require_ordered,
-    require_points,
     require_ranges,
+    require_start,
     require_whole,
 )
 from parcours_navigation.others.tracks import read_tracks
@@ -59,21 +58,14 @@ class Others:
         for name in ("number", "group"):
             require_whole(name, getattr(self, name))
         require_ordered("start", self.start, 1e6, "s")
-        require_points("places", self.places)
-        if self.area is not None:
-            require_box("area", self.area)
-        if self.places and len(self.places) != self.number:
-            rule = f"there must be a place for each, but {len(self.places)} are given for {self.number}"
-            raise BadRequest("others, places", rule, "give as many, or an area", slug="others-range")
+        needs_start = not isinstance(self.motion, (Recorded, Waypoints))
+        require_start(self.number, self.places, self.area, is_needed=needs_start)
         if self.only is not None and not set(self.only) <= set(range(int(self.number))):
             rule = f"it must list numbers of them, 0 to {self.number - 1:g}, but is {self.only!r}"
             raise BadRequest("others, only", rule, "write [0, 2]", slug="others-range")
-        if isinstance(self.motion, Recorded):
-            if self.number != len(self.motion.tracks.names):
-                rule = f"it must be that of the tracks, {len(self.motion.tracks.names)}, but is {self.number}"
-                raise BadRequest("others, number", rule, slug="others-range")
-        elif not (self.places or self.area or isinstance(self.motion, Waypoints)):
-            raise BadRequest("others", "they must begin somewhere", "give an area, or places", slug="others-range")
+        if isinstance(self.motion, Recorded) and self.number != len(self.motion.tracks.names):
+            rule = f"it must be that of the tracks, {len(self.motion.tracks.names)}, but is {self.number}"
+            raise BadRequest("others, number", rule, "leave it out", slug="others-range")
         if isinstance(self.motion, (SocialForcePeople, OrcaPeople)) and not (self.motion.goals or self.area):
             raise BadRequest(
                 "others", "they must have goals", "give goals, or an area to draw them in", slug="others-range"
@@ -122,6 +114,10 @@ def read_others(entry: Mapping[str, Any], where: str = "others", folder: Path | 
     given: dict[str, Any] = {name: settled(value) for name, value in entry.items() if name != "motion"}
     for name in given:
         require_known(str(name), sorted(own | shared), f"{where}, key", slug="others-key")
+    for each in fields(kind):
+        if each.name not in given and each.default is MISSING and each.default_factory is MISSING:
+            rule = f"others that move by {named} must have the key {each.name!r}, but these have not"
+            raise BadRequest(where, rule, "add it: docs/others.md says what it is", slug="others-key")
     try:
         if kind is Recorded and isinstance(given.get("tracks"), str):
             given["tracks"] = read_tracks((folder or Path()) / given["tracks"])
@@ -132,7 +128,8 @@ def read_others(entry: Mapping[str, Any], where: str = "others", folder: Path | 
         at = error.where.replace("others", where, 1) if error.where.startswith("others") else error.where
         raise BadRequest(at, error.rule, error.remedy, slug=error.slug) from None
     except TypeError as error:
-        raise BadRequest(where, f"its values must fit, but: {error}", slug="others-range") from None
+        remedy = "docs/others.md says what each key takes"
+        raise BadRequest(where, f"its values must fit, but: {error}", remedy, slug="others-range") from None
 
 
 def settled(value: object) -> object:

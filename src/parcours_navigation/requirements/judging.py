@@ -55,7 +55,7 @@ def values_of(facts: Facts, name: str) -> Values:
             return np.asarray(facts["n_robot_contacts"] + facts["n_shared_contacts"], np.float64)
         case _:
             own = facts.dtype["own"].names if "own" in (facts.dtype.names or ()) else None
-            return np.asarray(facts["own" if own and name in own else "measures"][name])
+            return np.asarray(facts["own" if own and name in own else "measures"][name], np.float64)
 
 
 def own_values(facts: Facts, requirements: Requirements) -> dict[str, Values]:

@@ -20,6 +20,7 @@ from math import isfinite
 
 from parcours.errors import one_of
 from parcours.model.expression.parsing import UNITS
+from parcours.model.expression.tokens import Token
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.requirements.syntax import (
     FUNCTIONS,
@@ -37,7 +38,7 @@ from parcours_navigation.requirements.syntax import (
     Timed,
     Until,
 )
-from parcours_navigation.requirements.tokens import MAX_DEPTH, Token, Tokens
+from parcours_navigation.requirements.tokens import MAX_DEPTH, FormulaTokens
 from parcours_navigation.requirements.vocabulary import FLAG, SIGNALS, Dimension, Meaning, named
 
 TEMPORAL = ("always", "eventually", "until")
@@ -111,7 +112,7 @@ def parse_number(text: str, where: str, names: Mapping[str, Meaning]) -> tuple[N
     return parser._number_of(part), part.dimension
 
 
-class _Parser(Tokens):
+class _Parser(FormulaTokens):
     """Recursive descent over one text."""
 
     def __init__(self, text: str, where: str, names: Mapping[str, Meaning], temporal: bool) -> None:
@@ -371,5 +372,5 @@ class _Parser(Tokens):
         one, other = left.dimension, right.dimension
         if one is not None and other is not None and one != other:
             rule = f"both sides of {token.text!r} must have the same unit, but are in {named(one)} and {named(other)}"
-            self.fail_at(token.at, rule, "", "require-unit")
+            self.fail_at(token.at, rule, "a plain number fits any unit", "require-unit")
         return one if one is not None else other

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from parcours.elementary import atan2, wrap
 from parcours.kernels import kernel
+from parcours_navigation.arena.contact import AT_REST, contact_share
 from parcours_navigation.requirements.vocabulary import SIGNALS
 
 Floats = NDArray[np.float64]
@@ -21,12 +22,14 @@ _TIME, _X, _Y, _HEADING, _SPEED, _FORWARD, _YAW_RATE, _ACCELERATION, _YAW_ACCELE
     _NAMES.index(name)
     for name in ("time", "x", "y", "heading", "speed", "forward_speed", "yaw_rate", "acceleration", "yaw_acceleration")
 )
-_CLEARANCE, _GOAL, _ERROR, _TRAVELLED, _IMMINENT = (
-    _NAMES.index(name) for name in ("clearance", "goal_distance", "heading_error", "travelled", "imminent")
+_CLEARANCE, _COLLISION, _GOAL, _ERROR, _TRAVELLED, _IMMINENT = (
+    _NAMES.index(name)
+    for name in ("clearance", "time_to_collision", "goal_distance", "heading_error", "travelled", "imminent")
 )
 
 # Columns of an entry of a track, as in facts.TRACK; the obstacles' x and y follow.
 _ENTRY_TIME, _ENTRY_X, _ENTRY_Y, _ENTRY_HEADING, _ENTRY_V, _ENTRY_W, _ENTRY_HALTED = range(7)
+_PARTS = 5  # of the way between two samples at which times to a collision are taken
 _GROUND = 7  # column of the gap to the ground, where a track has one: the obstacles follow behind it
 _COLUMNS = (
     (_TIME, _ENTRY_TIME), (_X, _ENTRY_X), (_Y, _ENTRY_Y), (_HEADING, _ENTRY_HEADING), (_SPEED, _ENTRY_V),
@@ -84,6 +87,72 @@ def _clearances(
             gap = np.sqrt(aside[i]) - radii[k] - robot_radius
             out[i] = gap if gap < out[i] else out[i]
         k += same
+
+
+@kernel
+def _shift(x: float, y: float, along_x: float, along_y: float, reach: float) -> float:
+    """Return how far a body at (x, y) from the robot [m] is from touching it ahead, along a unit vector.
+
+      ahead     A robot that moves causes a contact in this half. The distance to it is
+      ____      - `reach` less than that to the centre for what is ahead,
+     /    .     - that to the base for what is behind,
+    |__o__|     - that to a corner for what is behind and aside.
+    """
+    ahead, aside = x * along_x + y * along_y, abs(x * along_y - y * along_x)
+    if ahead >= 0.0:
+        return float(np.sqrt(x * x + y * y) - reach)
+    if aside <= reach:
+        return float(-ahead)
+    return float(np.sqrt(ahead * ahead + (aside - reach) * (aside - reach)))
+
+
+@kernel
+def _body_times(x0: float, y0: float, x1: float, y1: float, along_x: float, along_y: float, reach: float) -> float:
+    """Return how soon a robot drives into a body that moves from (x0, y0) to (x1, y1) as seen from it [m].
+
+    The unit is the time of that move. If they touch during it, the place where the contact begins decides who caused
+    it, as in `arena.contact`: the result is negative if the robot did, and positive if the body did.
+    """
+    dx, dy = x1 - x0, y1 - y0
+    way = np.sqrt(dx * dx + dy * dy)
+    share = contact_share(x0, y0, x1, y1, reach)
+    if share <= 1.0:
+        return float(-((x0 + share * dx) * along_x + (y0 + share * dy) * along_y) / way)
+    least, before = np.inf, _shift(x0, y0, along_x, along_y, reach)
+    for k in range(1, _PARTS + 1):
+        left = _shift(x0 + k / _PARTS * dx, y0 + k / _PARTS * dy, along_x, along_y, reach)
+        if left < before:
+            least = min(least, left / (before - left) / _PARTS)
+        before = left
+    return float(least)
+
+
+@kernel
+def _times(entries: Floats, last: Floats, radii: Floats, robot_radius: float, n: int, out: Floats) -> None:
+    """Fill in how soon the robot would drive into a body or the ground [s]; infinite while it rests.
+
+    A body that touches it already does not count.
+    """
+    first = entries.shape[1] - 2 * len(radii)
+    out[:n] = np.inf
+    for i in range(1, n):
+        now = entries[i] if i < len(entries) else last
+        was = entries[i - 1]
+        dt = (now[_ENTRY_TIME] - was[_ENTRY_TIME]) * 1e-9
+        step_x, step_y = now[_ENTRY_X] - was[_ENTRY_X], now[_ENTRY_Y] - was[_ENTRY_Y]
+        step = np.sqrt(step_x * step_x + step_y * step_y)
+        if step < AT_REST * dt or step == 0.0:
+            continue
+        if first > _GROUND and now[_GROUND] < was[_GROUND]:
+            out[i] = dt * now[_GROUND] / (was[_GROUND] - now[_GROUND])
+        for k in range(len(radii)):
+            j, reach = first + 2 * k, robot_radius + radii[k]
+            x0, y0 = was[j] - was[_ENTRY_X], was[j + 1] - was[_ENTRY_Y]
+            x1, y1 = now[j] - now[_ENTRY_X], now[j + 1] - now[_ENTRY_Y]
+            way = np.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
+            gap = np.sqrt(x0 * x0 + y0 * y0) - reach
+            if gap > 0.0 and dt * (gap - way) < out[i] * way:  # it may come sooner than others
+                out[i] = min(out[i], dt * _body_times(x0, y0, x1, y1, step_x / step, step_y / step, reach))
 
 
 @kernel
@@ -159,6 +228,8 @@ def take(
         _slope(entries, last, n, _ENTRY_W, memory[_YAW_ACCELERATION])
     if wanted[_CLEARANCE]:
         _clearances(entries, last, radii, robot_radius, n, memory[_CLEARANCE], memory[-1])
+    if wanted[_COLLISION]:
+        _times(entries, last, radii, robot_radius, n, memory[_COLLISION])
     if wanted[_GOAL]:
         _goal_distances(entries, last, goal_x, goal_y, n, memory[_GOAL])
     if wanted[_ERROR]:

@@ -47,6 +47,10 @@ SIGNALS: dict[str, Meaning] = {
     "acceleration": Meaning("m/s^2", "change of forward_speed since the sample before; 0 at the first"),
     "yaw_acceleration": Meaning("rad/s^2", "change of yaw_rate since the sample before; 0 at the first"),
     "clearance": Meaning("m", "gap to what is closest, negative in overlap; infinite where there is nothing"),
+    "time_to_collision": Meaning(
+        "s",
+        "until a moving robot drives into something if all go on as since the sample before, negative where it does",
+    ),
     "goal_distance": Meaning("m", "from the robot's centre to the goal"),
     "heading_error": Meaning("rad", "from the robot's heading to the direction of the goal, in [-pi, pi)"),
     "travelled": Meaning("m", "length of the robot's way so far"),

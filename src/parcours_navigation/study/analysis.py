@@ -71,14 +71,13 @@ class Ended:
         ended = {o.name.lower(): self.outcomes[int(o)] for o in Outcome}
         measures = {name: asdict(one) for name, one in self.measures.items()}
         cases = {"protocol": self.protocol, "seed": self.seed, "cases": self.n, "planned": self.planned}
-        first = cases | {"reached": self.paper["reached"]}
         if not self.signals:
             errors = {reason: count for reason, count, _ in self.errors}
-            found = {"planner": self.label, **first, "outcomes": ended, "measures": measures, "errors": errors}
+            found = {"planner": self.label, **cases, "outcomes": ended, "measures": measures, "errors": errors}
             return found | self._required()
-        words = {"feasible": "feasible", "imminent_collision": "halted_once", "stuck": "stuck"}
+        words = {"reached": "reached", "feasible": "feasible", "imminent_collision": "halted_once", "stuck": "stuck"}
         paper = {name: self.paper[field] for name, field in words.items()}
-        return {"schedule": self.label, **first, **paper, "outcomes": ended, "measures": measures} | self._required()
+        return {"schedule": self.label, **cases, **paper, "outcomes": ended, "measures": measures} | self._required()
 
     def _required(self) -> dict[str, object]:
         if not self.required:

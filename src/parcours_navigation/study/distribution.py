@@ -142,12 +142,15 @@ def survived(cases: SystemCases | WorldCases, numbers: NDArray[np.int64]) -> Val
 
 
 def straight_ways(cases: SystemCases | WorldCases, numbers: NDArray[np.int64], measures: Facts) -> Values | None:
-    """Return the straight way to the goal of each case of a world [m]; None: that of the paper's arena."""
+    """Return the straight way to the goal of each case of a world [m]; None: that of the paper's arena.
+
+    NaN where a case starts at its goal. Cases without measures, which reach no goal, have any way.
+    """
     if isinstance(cases, SystemCases):
         return None
     tolerance = np.array([cases.plan(int(number)).task.tolerance for number in numbers])
-    straight: Values = np.maximum(np.nan_to_num(measures["displacement"]) - tolerance, 0.0)
-    return straight
+    straight: Values = np.where(np.isnan(measures["displacement"]), 1.0, measures["displacement"] - tolerance)
+    return np.where(straight > 0.0, straight, np.nan)
 
 
 def measured(

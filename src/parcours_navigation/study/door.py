@@ -20,7 +20,7 @@ from parcours_navigation.guests.planners import names, own_loop
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.remarks import remarks
-from parcours_navigation.requirements.requirement import read_requirements
+from parcours_navigation.requirements.requirement import Requirements, read_requirements
 from parcours_navigation.study.case_parameters import (
     CASES,
     KEPT_UNITS,
@@ -33,7 +33,7 @@ from parcours_navigation.study.case_parameters import (
     world_cases,
 )
 from parcours_navigation.study.judging import judge_system
-from parcours_navigation.study.results import read_folder, report_folders
+from parcours_navigation.study.results import measure_names, read_folder, report_folders
 from parcours_navigation.study.study import study_of
 from parcours_navigation.worlds.family import WorldCases
 
@@ -99,8 +99,7 @@ class Navigation:
         cases = world_cases(settings, seed)
         if isinstance(cases, WorldCases) and scenario.time_limit == Scenario().time_limit:
             scenario = dataclasses.replace(scenario, time_limit=LONGEST)  # the world has a limit of its own
-        requirements = read_requirements(*(str(settings[one.name]) for one in (*REQUIREMENTS, *MEASURES)))
-        return study_of(planner, cases, scenario, requirements)
+        return study_of(planner, cases, scenario, _requirements(settings))
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
@@ -110,6 +109,10 @@ class Navigation:
             if isinstance(cases, WorldCases) and budget == Scenario().time_limit:
                 budget = cases.plan(case.number).task.time_limit
             yield dataclasses.replace(case, study=self.name, time_budget=budget)
+
+    def measure_names(self, settings: Settings) -> tuple[str, ...]:
+        """Return what `--fail-if` may ask for."""
+        return measure_names(_requirements(settings))
 
     def run(self, request: Request, progress: Progress) -> Run:
         """Run a campaign."""
@@ -167,7 +170,7 @@ class Navigation:
         """Look at the requirements, and run the battery for authors of planners."""
         own = own_loop(self.planner)
         given = {one.name: str(one.default) for one in self.parameters}
-        asked = read_requirements(*(given[one.name] for one in (*REQUIREMENTS, *MEASURES)))
+        asked = _requirements(given)
         noted = [StudyFinding("warning", *one) for one in remarks(asked, signals_imminent=own is not None)]
         if not self.planner or own is not None:
             return noted
@@ -178,6 +181,10 @@ class Navigation:
         )  # fmt: skip
         found = [StudyFinding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
         return [*noted, *found]
+
+
+def _requirements(settings: Settings) -> Requirements:
+    return read_requirements(*(str(settings[one.name]) for one in (*REQUIREMENTS, *MEASURES)))
 
 
 @functools.cache

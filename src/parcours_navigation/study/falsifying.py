@@ -31,11 +31,11 @@ from parcours_navigation.worlds.paper import ArenaCases
 Floats = NDArray[np.float64]
 _TOUCH = 1e-9  # how deep a collision is at least [m]
 
-_CLEAR = "(clearance > 0 or 100 * abs(speed) < 1)"  # 100: rest counts for more than any clearance
-NEARNESS = f"always {_CLEAR} or ({_CLEAR} until (100 * clearance < 0 and 100 * abs(speed) < 1))"
-"""How near a case came to a collision where nothing is required [m]: the least clearance of a robot that moves.
+NEARNESS = "always time_to_collision > 0"
+"""How near a case came to a collision where nothing is required [s].
 
-Whether anybody then runs into it does not count. That it collided, the outcome says.
+A body that runs into the robot from behind, or while it rests, does not count; nor does one that it creeps past,
+however close. That the robot collided, the outcome says.
 """
 
 

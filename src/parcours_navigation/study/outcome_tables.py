@@ -51,8 +51,8 @@ def outcome_table(ended: Mapping[str, Ended]) -> Table:
         note = "First the paper's results by its own rule, with Wilson 95 % intervals; then one sound outcome per case."
     else:
         passed, failed = (
-            (words, *(_share(_of(one, verdict), one.n) for one in every))
-            for words, verdict in (("passed", Verdict.PASS), ("failed", Verdict.FAIL))
+            (words, *(_share(sum(_of(one, verdict) for verdict in verdicts), one.n) for one in every))
+            for words, verdicts in (("passed", [Verdict.PASS]), ("failed", [Verdict.FAIL, Verdict.ERROR]))
         )
         rows = [cases, passed, failed, *_counted(ended)]
         note = "Shares of all cases, with Wilson 95 % intervals; then the sound outcomes, one per case."

@@ -21,7 +21,7 @@ from parcours.study.reporting import replay_anchor
 from parcours.study.summing import worst_cases
 from parcours.study.tabling import TableColumn, field_columns, input_columns
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.facts import UNITS
+from parcours_navigation.facts import FACTS, UNITS
 from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.requirements.judging import (
@@ -33,6 +33,7 @@ from parcours_navigation.requirements.judging import (
     shared_reasons,
     verdicts,
 )
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import Ended, analyse
 from parcours_navigation.study.campaigns import FinishedCampaign, case_results, load_results
@@ -59,6 +60,13 @@ _LESS_IS_WORSE = {
     "survivability",
     "stop_distance",
 }
+
+
+def measure_names(requirements: Requirements) -> tuple[str, ...]:
+    """Return what `--fail-if` may ask of cases with these requirements; of SHOWN a planner gives those it can."""
+    formulas = [one.name for one in requirements.formulas]
+    return (*rates(np.zeros(0, FACTS), NO_REQUIREMENTS), *(f"violated({one})" for one in formulas), *SHOWN,
+            *(one.name for one in requirements.measures), *(f"robustness({one})" for one in formulas))  # fmt: skip
 
 
 class PlannerResults:

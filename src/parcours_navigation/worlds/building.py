@@ -180,7 +180,7 @@ class Builder(NodeReader):
     def _tuple(self, arguments: tuple[Any, ...], node: Node, what: str) -> tuple[Any, ...]:
         items = self.listed(node, what)
         if len(arguments) == 2 and arguments[1] is Ellipsis:
-            return tuple(self.build(arguments[0], item, f"{what}[{k}]") for k, item in enumerate(items))
+            return tuple(self.build(arguments[0], item, f"{what} {k}") for k, item in enumerate(items, 1))
         if len(items) != len(arguments):
             if isinstance(node, Sequence):
                 self.add(node, "value", f"{what} must have {len(arguments)} items, but has {len(items)}")

@@ -16,7 +16,7 @@ from parcours_navigation.worlds.solving import solve_worlds
 
 PERIOD = 0.05  # Between observations, as planners are asked by default [s]
 _ENOUGH = 5
-"""If none of this many first cases can be made, no other is tried: refusing a drawn ground takes seconds."""
+"""If none of this many first cases can be made, no other is tried; nor after a ground that cannot be generated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
             [staged] = cases.staged([number], PERIOD)
         except ParcoursError as error:
             wrong.append(error)
-            if not good and len(wrong) == _ENOUGH:
+            if not good and (len(wrong) == _ENOUGH or error.slug == "ground-connected"):
                 raise wrong[0] from None
         else:
             good.append(number)
@@ -97,7 +97,7 @@ def _span(values: list[int]) -> tuple[int, int]:
 
 def lines(found: CheckedWorld) -> Iterator[str]:
     """Yield what to say."""
-    yield f"{found.world.name}: {found.world.doc}"
+    yield f"{found.world.name}: {found.world.doc}" if found.world.doc else found.world.name
     if found.is_paper:
         yield "the paper's arena: its cases are those of parcours run navigation without a world"
         return

@@ -13,7 +13,7 @@ from pathlib import Path
 from parcours.data import InputModel
 from parcours.data.schema import FORMAT as DATA_FORMAT
 from parcours.data.schema import input_model_of
-from parcours.errors import ParcoursError, one_of
+from parcours.errors import BadDomain, ParcoursError, one_of
 from parcours.model.conversion import text_of
 from parcours.model.documents import MAX_BYTES, Node, Scalar, Sequence, read_document
 from parcours.model.documents import Mapping as MappingNode
@@ -30,7 +30,6 @@ FORMAT = "world/1"
 """The value of the key `parcours` in a file of this format."""
 
 _PARTS = tuple(one.name for one in fields(WorldPlan))
-_DATA = ("constants", "parameters", "constraints", "groups")
 
 
 class BadWorld(ParcoursError):
@@ -131,7 +130,7 @@ def read_world(path: Path) -> World:
 @functools.lru_cache(maxsize=64)
 def parse_world(text: str, origin: str, folder: Path) -> World:
     """Return the world that a text describes; the files that it names lie in `folder`."""
-    root, found = read_document(text, origin)
+    root, found = read_document(text, origin, "a world")
     if root is None or found:
         raise refusal(found)
     world = _world(root, origin, folder, text)
@@ -179,7 +178,10 @@ def _inputs(node: Node, name: str, origin: str) -> InputModel:
     head = ((Scalar("parcours", True, line), Scalar(DATA_FORMAT, True, line)),
             (Scalar("name", True, line), Scalar(name, True, line)))  # fmt: skip
     rest = node.items if isinstance(node, MappingNode) else ()
-    inputs = input_model_of(MappingNode((*head, *rest), line), origin)
+    try:
+        inputs = input_model_of(MappingNode((*head, *rest), line), origin)
+    except BadDomain as error:
+        raise BadWorld(error.where, error.rule, error.remedy, slug=error.slug) from None
     for one in inputs.names:
         if one in UNITS:
             raise BadWorld(f"{origin}:{line}", f"an input may not be called {one!r}, which numbers use as a unit",
@@ -220,11 +222,10 @@ def _content(path: Path) -> bytes:
 
 def refusal(found: list[Finding], tail: str = "") -> BadWorld:
     """Return one error that says all findings."""
-    error = complaint(tuple(sorted(set(found))))
-    rule = error.rule.replace("a model must", "a world must", 1)
-    slug = error.slug.replace("model-errors", "world-errors")
-    refused = BadWorld(error.where, rule + tail, error.remedy, slug=slug)
-    refused.findings = tuple(sorted(set(found))) if len(found) > 1 else ()
+    ordered = tuple(sorted(set(found)))
+    error = complaint(ordered, "a world", slug="world-errors")
+    refused = BadWorld(error.where, error.rule + tail, error.remedy, slug=error.slug)
+    refused.findings = ordered if len(found) > 1 else ()
     return refused
 
 

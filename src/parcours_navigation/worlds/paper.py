@@ -34,7 +34,7 @@ def paper_cases(world: World, seed: int, study: str) -> SystemCases | None:
     entries = [entry for entry in plan.others if entry.get("motion") == "paper"]
     if not entries:
         return None
-    where = f"{world.origin}: others"
+    where = f"{world.origin}:{world.line_of('others')}: others"
     if len(plan.others) > 1:
         raise BadWorld(where, "the paper's obstacles come alone, but there are others beside them", slug="world-range")
     try:

@@ -11,8 +11,8 @@ from parcours.errors import BadRequest
 from parcours_navigation.others.ranges import (
     require_box,
     require_ordered,
-    require_points,
     require_ranges,
+    require_start,
     require_whole,
     require_within,
 )
@@ -124,7 +124,7 @@ class TaskPlan:
         if self.ends_at_rest is not None:
             within("task", self, ends_at_rest=(0.05, 3600.0))
         if self.ends_outside is not None:
-            require_box("ends_outside", self.ends_outside)
+            require_box("ends_outside", self.ends_outside, ("task", "world-range"))
         within("task", self, tolerance=(1e-6, 1000.0), heading_tolerance=(1e-6, PI), time_limit=(0.01, 3600.0),
                start_speed=(-100.0, 100.0))  # fmt: skip
         if self.goal is not None and self.goals:
@@ -166,15 +166,8 @@ class StopMoveStop:
         require_ordered("waits", self.waits, 3600.0, "s")
         require_ordered("moves", self.moves, 3600.0, "s")
         require_ordered("heading", self.heading, 100.0, "rad", low=-100.0)
-        require_points("places", self.places)
         require_within("announced", self.announced, 0.0, 3600.0, "s")
-        if self.places and len(self.places) != self.number:
-            rule = f"there must be a place for each, but {len(self.places)} are given for {self.number}"
-            raise BadRequest("others, places", rule, "give as many, or an area", slug="others-range")
-        if self.area is not None:
-            require_box("area", self.area)
-        elif not self.places:
-            raise BadRequest("others", "they must begin somewhere", "give an area, or places", slug="others-range")
+        require_start(self.number, self.places, self.area)
 
 
 @dataclass(frozen=True, slots=True)

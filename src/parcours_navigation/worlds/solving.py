@@ -16,6 +16,7 @@ from parcours.kernels import kernel
 from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNDECIDED, UNSOLVABLE
 from parcours_navigation.ground.clearance import clearance
 from parcours_navigation.ground.packing import BOTTOM, CELL, COLUMNS, LEFT, ROWS
+from parcours_navigation.stage.memory import Scene
 from parcours_navigation.worlds.family import WorldCases
 
 _MOST_POINTS = 1_000_000
@@ -32,16 +33,10 @@ def solve_worlds(
         [staged] = cases.staged([number], 0.05)
         scene, within = staged.scene, min(staged.end, limit)
         speed = float(scene.robot["v_max"][0])
-        x, y = float(scene.robot["x"][0]), float(scene.robot["y"][0])
-        inner = _inner_radius(scene.corners, float(scene.robot["radius"][0]))
-        shortest = certain = 0.0
-        for goal in scene.goals:
-            low, high = ways(scene.ground, x, y, float(goal[0]), float(goal[1]), scene.tolerance,
-                             float(scene.robot["radius"][0]), inner)  # fmt: skip
-            shortest, certain = shortest + low, certain + high
-            x, y = float(goal[0]), float(goal[1])
-            shortest -= scene.tolerance if goal is not scene.goals[-1] else 0.0
-        earliest = max(shortest, 0.0) / speed
+        shortest, certain = _lengths(scene, np.zeros(0))
+        if shortest / speed <= within:  # else it is too far even as the crow flies: no need to look at the ground
+            shortest, certain = _lengths(scene, scene.ground)
+        earliest = shortest / speed
         found[k]["earliest_outer"], found[k]["earliest_inner"] = earliest, np.inf
         found[k]["answer"] = UNDECIDED
         if earliest > within:
@@ -50,6 +45,20 @@ def solve_worlds(
             found[k]["answer"], found[k]["earliest_inner"] = SOLVABLE, certain / speed
         progress(k + 1, len(numbers))
     return found
+
+
+def _lengths(scene: Scene, ground: NDArray[np.float64]) -> tuple[float, float]:
+    """Return what `ways` does, from goal to goal on this ground [m]."""
+    radius = float(scene.robot["radius"][0])
+    inner = _inner_radius(scene.corners, radius)
+    x, y = float(scene.robot["x"][0]), float(scene.robot["y"][0])
+    shortest = certain = 0.0
+    for k, (goal_x, goal_y) in enumerate(scene.goals[:, :2].tolist()):
+        low, high = ways(ground, x, y, goal_x, goal_y, scene.tolerance, radius, inner)
+        shortest, certain = shortest + low, certain + high
+        x, y = goal_x, goal_y
+        shortest -= scene.tolerance if k < len(scene.goals) - 1 else 0.0
+    return max(shortest, 0.0), certain
 
 
 def _inner_radius(corners: NDArray[np.float64], radius: float) -> float:

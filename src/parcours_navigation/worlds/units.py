@@ -46,12 +46,12 @@ _NOT_SI = re.compile(
 def unit_of(what: str, holder: str = "") -> str:
     """Return the SI unit of the number that a message calls so, "" where it is not known.
 
-    >>> unit_of("the world, robot, speed"), unit_of("the world, task, start[2]"), unit_of("others[0], start")
+    >>> unit_of("the world, robot, speed"), unit_of("the world, task, start[2]"), unit_of("others 1, start")
     ('m/s', 'rad', 's')
     """
     *above, last = what.split(", ")
-    name, _, at = last.partition("[")
-    group = above[-1].partition("[")[0] if above else ""
+    name, _, at = re.sub(r" \d+", "", last).partition("[")
+    group = above[-1].partition(" ")[0] if above else ""
     units = (UNIT_OF.get(f"{holder}, {name}") or UNIT_OF.get(f"{group}, {name}") or UNIT_OF.get(name, "")).split()
     places = re.findall(r"\d+", at)
     return units[min(int(places[-1]), len(units) - 1)] if len(units) > 1 and places else " ".join(units[:1])

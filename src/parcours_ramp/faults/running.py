@@ -119,14 +119,13 @@ def run_trial(trial: Trial) -> CaseOutcome:
 
 def run_faults(
     entries: Sequence[CatalogueEntry], schedules: Sequence[str] = SCHEDULES, *, seed: int = 1, cases: int = 5,
-    workers: int = 1, patience: float = PATIENCE,
+    workers: int = 1,
     progress: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> FaultResults:  # fmt: skip
     """Return what becomes of RAMP under each entry.
 
     Args:
         seed: of the cases and of what happens to which message.
-        patience: a case that takes longer is an error [s of wall clock].
         progress: given what is done, how much of it, and of how much.
 
     Raises BadRequest: a schedule is unknown, or there are too few cases that go well without a fault.
@@ -144,12 +143,12 @@ def run_faults(
         for number, t_goal in zip(numbers, reached, strict=True)
     ]
     found: list[CaseOutcome | None] = [None] * len(trials)
-    with contextlib.closing(Crew(run_trial, workers, forks=True, patience=patience)) as crew:
+    with contextlib.closing(Crew(run_trial, workers, forks=True, patience=PATIENCE)) as crew:
         crew.pending.extend((index, (trial,)) for index, trial in enumerate(trials))
         for done, (index, answer) in enumerate(crew.answers(), 1):
             number = trials[index].number
             if isinstance(answer, Lost):
-                why = f"hung for {patience:g} s" if answer.how == "hung" else answer.ending
+                why = f"hung for {PATIENCE:g} s" if answer.how == "hung" else answer.ending
                 found[index] = CaseOutcome(number, RobotOutcome.ERROR, detail=f"its process {why}")
             elif isinstance(answer, Done):
                 found[index] = answer.result

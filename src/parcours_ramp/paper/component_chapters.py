@@ -30,8 +30,6 @@ EXPECTED = {
     "ITP6": "latest motion state is changed",
 }  # Expected results as Table VIII prints them
 
-_PAPER_ABTCS = {"EPC": "19", "SPC": "49", "all": "67"}
-
 
 def models_chapter(results: PaperResults) -> Section:
     """Return the process, the six machines as drawings, Tables I and II, and the classes of messages."""
@@ -176,7 +174,7 @@ def results_chapter(results: PaperResults) -> Section:
     )  # fmt: skip
     failed = [run for run in results.functional if not run.judgement.passed]
     measured = component_results("here", (), results.timing)
-    pieces: list[Piece] = [functional, *_timing_pieces(measured, "in one process, the tester's own work included")]
+    pieces: list[Piece] = [functional, *_timing_pieces(measured)]
     if failed:
         pieces.append(Text("\n\n".join(f"{run.case.id}: {run.judgement.why}" for run in failed[:10])))
     lead = "What the executed component cases showed, beside the paper's Table VIII."
@@ -209,15 +207,15 @@ def _window_table(cases: Sequence[TimingCase]) -> Table:
     )  # fmt: skip
 
 
-def _timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, ...]:
+def _timing_pieces(given: ComponentResults) -> tuple[Table | Figure, ...]:
     """Return Fig. 5a and the table beside it; nothing if no case was timed."""
     cases = timed(given)
     if not cases:
         return ()
     note = (
-        f"Durations on the wall clock of this machine, {where}, from the first to the last event of an abstract case; "
-        "warm-up left out. A verdict that noise could have made is refused. Durations are measured again in every run, "
-        "so they are not part of the results that repeat bit for bit."
+        "Durations on the wall clock of this machine, in one process, the tester's own work included, from the first "
+        "to the last event of an abstract case; warm-up left out. A verdict that noise could have made is refused. "
+        "Durations are measured again in every run, so they are not part of the results that repeat bit for bit."
     )
     noise = max(given.noise.values(), key=lambda one: one.p99)
     return (

@@ -27,6 +27,7 @@ from parcours_navigation.study.case_parameters import (
     cases_of,
     question_of,
 )
+from parcours_navigation.study.results import measure_names
 from parcours_ramp.planner import DECIDING
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import LIVE_FILE, SCHEDULES, SystemStudy, system_study
@@ -107,6 +108,12 @@ class RampSystem:
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
         return cases_of(settings, seed, self.name).suite(n_cases)
+
+    def measure_names(self, settings: Settings) -> tuple[str, ...]:
+        """Return what `--fail-if` may ask for of cases in simulated time."""
+        if settings["host"] != "simulated":
+            return ()
+        return measure_names(read_requirements(str(settings["require"]), str(settings["fail"])))
 
     def run(self, request: Request, progress: Progress) -> Run:
         """Run a campaign in simulated time, or cases on a live host."""

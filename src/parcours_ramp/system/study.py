@@ -138,7 +138,11 @@ class SystemStudy:
         return setting
 
     def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
-        """Return the campaign of cases 0 .. n_cases - 1; by default in about eight shards, of 64 to 1024 cases each."""
+        """Return the campaign of cases 0 .. n_cases - 1.
+
+        By default in about eight shards, of 64 to 2048 cases each; a large campaign has 128, of up to 8192 cases, which
+        take some seconds each.
+        """
         return Campaign(
             study=STUDY,
             schedule=self.parameters.schedule,
@@ -158,7 +162,7 @@ class SystemStudy:
                 **(self.cases.of.manifest() if isinstance(self.cases, ArenaCases) else {}),
                 **self.requirements.manifest(),
             },
-            shard_size=shard_size or min(max(n_cases // 8, 64), 1024),
+            shard_size=shard_size or max(min(max(n_cases // 8, 64), 2048), min(n_cases // 128, 8192)),
         )
 
 

@@ -117,6 +117,8 @@ def test_levels_are_cells_by_the_rules_of_ros_and_the_lowest_row_comes_first(
     [
         b"P2\n# made by hand\n2 2\n255\n0 100\n205 254\n",
         b"P5\n2 2\n65535\n" + bytes([0, 0, 100, 100, 205, 205, 254, 254]),
+        b"P5\r\n2 2\r\n255\r\n" + bytes([0, 100, 205, 254]),
+        b"P5\n2 2\n255# the last comment\n" + bytes([0, 100, 205, 254]),
     ],
 )
 def test_plain_and_wide_pgm_say_the_same(tmp_path: Path, picture: bytes) -> None:
@@ -150,14 +152,14 @@ def test_png_is_read_in_grey_colour_and_with_opacity(tmp_path: Path) -> None:
     [
         ("image: a.pgm\nresolution: 0.1\n", r"a.yaml, line 1: a map must have the key 'origin'.*\[map-key\]"),
         (HEAD + "free_tresh: 0.1\n", r"line 4: 'free_tresh' is not a key.*did you mean 'free_thresh'.*\[map-key\]"),
-        (HEAD.replace("0.1", "-0.1"), r"line 2: resolution must be a number from 0 to 100000, but is -0.1 \[map-reso"),
-        (HEAD.replace("0.1", "0"), r"line 2: the side of a cell must be above 0 m, but is 0 \[map-resolution\]"),
+        (HEAD.replace("0.1", "-0.1"), r"line 2: resolution must be a number from 0 to 100000, but is -0.1; give"),
+        (HEAD.replace("0.1", "0"), r"line 2: the side of a cell must be above 0 m, but is 0; give metres \[map-res"),
         (HEAD.replace("0.1", ".nan"), r"\[map-resolution\]"),
         (HEAD.replace("0.0]", "0.5]"), r"line 3: .*its origin is turned by 0.5 rad; turn the picture.*\[map-turned\]"),
-        (HEAD.replace("[1.0, -2.0, 0.0]", "7"), r"line 3: origin must be \[x, y, yaw\] \[map-key\]"),
+        (HEAD.replace("[1.0, -2.0, 0.0]", "7"), r"line 3: origin must be \[x, y, yaw\], but is not; write"),
         (HEAD.replace("1.0, ", "inf, "), r"line 3: origin must be a number from -100000 to 100000.*\[map-key\]"),
         (HEAD + "mode: ternary\n", r"line 4: a mode must be a known one, but is 'ternary'; did you mean 'trinary'"),
-        (HEAD + "negate: 7\n", r"line 4: negate must be 0 or 1, but is '7' \[map-key\]"),
+        (HEAD + "negate: 7\n", r"line 4: negate must be 0 or 1, but is '7'; write one of them"),
         (HEAD + "free_thresh: 0.7\n", r"line 4: free_thresh must be below occupied_thresh.*\[map-key\]"),
         (HEAD + "occupied_thresh: 65\n", r"line 4: occupied_thresh must be a number from 0 to 1, but is 65"),
         ("image: &a x\n", r"\[map-file\]"),

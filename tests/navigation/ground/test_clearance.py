@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import plain_ground as plain
 from parcours_navigation.ground.clearance import at_least, clearance, depth_at, first_touch, least_on_way, sees
+from parcours_navigation.ground.footprint import footprint_least
 from parcours_navigation.ground.ground import Ground, lay_ground
 from parcours_navigation.ground.packing import CELL
 from parcours_navigation.ground.shapes import enters_capsule, enters_disc
@@ -52,6 +53,13 @@ def test_the_least_clearance_on_a_way_is_what_looking_at_every_shape_finds(
         assert found > enough
     elif found <= enough or wanted < enough - 1e-12:
         assert found == pytest.approx(wanted, abs=1e-12)
+
+
+def test_the_deeper_of_two_discs_on_a_long_way_counts() -> None:
+    two = lay_ground(discs=[[0.0, 0.0, 0.6], [4.0, 0.0, 1.0]]).pack()
+    assert least_on_way(two, 0.0, 0.0, 4.0, 0.0, 0.1, math.inf) == pytest.approx(-1.1, abs=1e-12)
+    square = np.array([[0.1, -0.1], [0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1]])
+    assert footprint_least(two, square, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, math.inf) == pytest.approx(-1.1, abs=1e-12)
 
 
 @settings(max_examples=300)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -283,6 +284,18 @@ def test_a_reason_fits_its_field_and_stays_text(text: str) -> None:
     kept = np.array([reason_bytes(text)], f"S{REASON_LENGTH}")[0]
     assert kept == reason_bytes(text) and len(kept) <= REASON_LENGTH
     assert "\n" not in kept.decode("utf-8")
+
+
+@pytest.mark.parametrize("said", ["x" * 400, "ä" * 400, "€" * 130, "short"])
+def test_however_long_an_exception_is_the_place_that_raised_it_is_kept_whole(said: str) -> None:
+    def talkative(observation: object) -> None:
+        raise ValueError(said)
+
+    [facts] = NavigationStudy(talkative, CASES)(0, 1)
+    reason = facts["reason"].decode()
+    assert reason.startswith("raised: ValueError: " + said[:20])
+    assert re.search(r" \(test_navigation_faults\.py:\d+\)$", reason)
+    assert ("..." in reason) == (said != "short") and len(reason.encode()) <= REASON_LENGTH
 
 
 def test_sigterm_ends_a_campaign_as_ctrl_c_does(tmp_path: Path) -> None:

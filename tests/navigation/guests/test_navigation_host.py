@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from parcours.errors import BadRequest
 from parcours_navigation.arena.obstacles import place_at
@@ -55,6 +56,18 @@ def stand(observation: Observation) -> Answer:
 
 def silent(observation: Observation) -> Answer:
     return None
+
+
+def test_the_libraries_of_a_planner_have_one_thread_while_it_is_asked() -> None:
+    counts: set[int] = set()
+
+    def count(observation: Observation) -> Answer:
+        counts.update(library["num_threads"] for library in threadpool_info())
+        return None
+
+    with threadpool_limits(2):
+        run(count)
+        assert counts == {1} and {library["num_threads"] for library in threadpool_info()} == {2}
 
 
 def test_a_planner_is_asked_every_period_from_the_begin_to_before_the_end() -> None:

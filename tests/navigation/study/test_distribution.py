@@ -8,16 +8,20 @@ import pytest
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import MEASURES, measures_of
+from parcours_navigation.protocol import Observation, Velocity
+from parcours_navigation.study.case_parameters import world_cases
 from parcours_navigation.study.distribution import (
     SHOWN,
     MeasureSummary,
     distribution_table,
     measured,
     oracle,
+    straight_ways,
     summarised,
     survived,
 )
 from parcours_navigation.study.study import study_of
+from parcours_navigation.worlds.family import WorldCases
 from parcours_ramp.system.study import system_study
 
 CASES = SystemCases(1)
@@ -30,6 +34,17 @@ def planted(n: int) -> tuple[np.ndarray, np.ndarray]:
     facts["n_planning_cycles"], facts["n_late_cycles"] = 200, 50
     measures["least_time_to_collision"] = np.inf
     return facts, measures
+
+
+def failing(seen: Observation) -> Velocity:
+    raise ZeroDivisionError
+
+
+def test_a_case_of_a_world_in_which_the_planner_failed_at_once_is_a_failure_and_no_fault_of_the_table() -> None:
+    cases, facts = world_cases({"world": "doorway"}, 1), study_of(failing, CASES)(0, 2)
+    assert isinstance(cases, WorldCases)
+    straight = straight_ways(cases, facts["number"], facts["measures"])
+    assert measured(facts, facts["measures"], straight=straight)["spl"].tolist() == [0.0, 0.0]
 
 
 def test_what_a_case_does_not_have_is_left_out_of_its_row() -> None:

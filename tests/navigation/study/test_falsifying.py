@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import runpy
 from pathlib import Path
@@ -11,9 +12,16 @@ import pytest
 from click.testing import CliRunner, Result
 
 from parcours.cli import parcours
+from parcours.study.falsifying import falsify
 from parcours.study.parameters import settings_of
+from parcours_navigation.facts import NEVER
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.outcomes import touched
 from parcours_navigation.requirements.judging import FAR
 from parcours_navigation.study.door import study
+from parcours_navigation.study.falsifying import NEARNESS, PlannerSearch
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.system.study import system_study
 
 
 def invoke(*words: str) -> Result:
@@ -95,6 +103,28 @@ def test_with_the_values_that_a_campaign_draws_a_case_is_the_campaign_s(given: d
     assert taken.all() and (settled == values).all() and (search.drawn(numbers) == values).all()  # type: ignore[attr-defined]
     far, _ = search.simulate(values, numbers)
     assert (far < FAR).all() and (search.simulate(values[::-1], numbers[::-1])[0] == far[::-1]).all()
+
+
+@pytest.mark.parametrize("planner", ["straight-ahead", "ramp-original"])
+def test_the_time_to_a_collision_is_negative_where_the_robot_causes_one(planner: str) -> None:
+    search = study().search(settings_of(study().parameters, {"planner": planner}), 7)
+    numbers = np.arange(400)
+    far, causes = search.simulate(search.drawn(numbers), numbers)  # type: ignore[attr-defined]
+    collided = np.array([one[:1] == ("collided",) for one in causes])
+    assert collided.any() and not collided.all() and ((far < 0.0) == collided).all()
+    found = study().study(settings_of(study().parameters, {"planner": planner, "require": f"near: {NEARNESS}"}), 7)
+    facts = found.run(numbers)
+    negative = facts["robustness"][:, 0] < 0.0  # by itself, from samples
+    assert (negative != touched(facts)).sum() <= 1 and (far[~collided] >= 0.0).all()
+    assert (facts["t_contact"] != NEVER).sum() > touched(facts).sum()  # who is merely run into is not near
+
+
+def test_a_planted_fault_is_found() -> None:
+    study = dataclasses.replace(system_study("guarded", seed=4), parameters=guarded(guard_horizon=0.2))
+    found = falsify(
+        PlannerSearch(study, Scenario(), {}), seed=4, budget=300, cause="collided", progress=lambda *_: None
+    )
+    assert found.cause == "collided" and found.robustness < 0.0
 
 
 def test_what_cannot_be_searched_is_refused(tmp_path: Path) -> None:

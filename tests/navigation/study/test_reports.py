@@ -43,10 +43,14 @@ def without_oracle(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_planner_without_signals_is_shown_by_sound_outcomes_alone() -> None:
     rows = {str(row[0]): row[1] for row in outcome_table({"a": ended(signals=False)}).rows}
-    assert str(rows["passed"]).startswith("50.0% [") and str(rows["failed"]).startswith("25.0% [")
+    assert str(rows["passed"]).startswith("50.0% [") and str(rows["failed"]).startswith("50.0% [")  # errors, too
     assert rows["the planner itself failed"] == rows["verdict error"] == 1
     assert "reached goal" not in rows
     assert outcome_figure({"a": ended(signals=False)}).title == "The verdicts"
+
+
+def test_what_the_published_rule_counts_as_reached_is_no_figure_of_a_planner_without_signals() -> None:
+    assert "reached" not in ended(signals=False).document() and ended(signals=True).document()["reached"] == 2
 
 
 def test_the_papers_results_stand_first_only_where_every_planner_signals() -> None:

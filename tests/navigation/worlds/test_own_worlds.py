@@ -52,6 +52,10 @@ def _cases(folder: Path, text: str) -> WorldCases:
         (ROOM + "others:\n  - {motion: recorded, tracks: /dev/zero}\n" + TASK, 6, "must be readable"),
         (ROOM + "others:\n  - {motion: recorded, tracks: pipe}\n" + TASK, 6, "must be readable"),
         (ROOM + "others:\n  - {motion: recorded, tracks: secret.csv}\n" + TASK, 6, "missing from the first line"),
+        (ROOM + "others:\n  - {motion: waypoints, number: 1}\n" + TASK, 6, "must have the key 'points'"),
+        (ROOM + "others:\n  - {motion: recorded, number: 3, tracks: one.csv}\n" + TASK, 6, "that of the tracks, 1"),
+        ("ground: {bounds: [6, 0, 0, 4]}\n" + TASK, 4, "x0 < x1 and y0 < y1"),
+        (ROOM + "others:\n  - {motion: paper}\n" + TASK, 6, "use stop-move-stop"),
         ("ground: {map: none.yaml}\n" + TASK, 4, "must be a file that can be read"),
         (ROOM + "task: {start: [9, 1, 0], goal: [5, 1]}\n", 5, "start clear of the ground"),
         (ROOM + "task: {start: [1, 1, 0], goal: [5, 1], start_speed: 5}\n", 5, "within the robot's top speed"),
@@ -62,6 +66,7 @@ def test_what_a_case_cannot_be_made_of_is_said_with_file_line_and_remedy(
 ) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "secret.csv").write_text("root:x:0:0\n")
+    (tmp_path / "one.csv").write_text("agent,t,x,y\na,0,3,3\n")
     path = tmp_path / "own.yaml"
     path.write_text(HEAD + text)
     with pytest.raises(BadWorld, match=words) as refused:

@@ -16,9 +16,10 @@ from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation
 from parcours_navigation.study.case_parameters import world_cases
 from parcours_navigation.study.study import NavigationStudy
+from parcours_navigation.worlds import solving
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, find_world, parse_world
-from parcours_navigation.worlds.solving import solve_worlds
+from parcours_navigation.worlds.solving import solve_worlds, ways
 
 HERE = Path(__file__).parent
 HEAD = "parcours: world/1\nname: yard\n"
@@ -217,6 +218,18 @@ def test_what_no_robot_can_solve_is_said_to_be_so() -> None:
         for ground, time in ((walled, "60"), (gap, "60"), (gap, "5"), ("", "60"))
     ]
     assert answers == [UNSOLVABLE, SOLVABLE, UNSOLVABLE, SOLVABLE]
+
+
+def test_a_goal_too_far_as_the_crow_flies_needs_no_look_at_the_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solving, "ways", lambda ground, *rest: ways(np.zeros(0), *rest) if not len(ground) else 1 / 0)
+    text = (
+        "robot: {radius: 0.2, speed: 1 m/s}\nground: {discs: [[2, 2, 0.1]]}\n"
+        "task: {start: [0, 0, 0], goal: [4, 0], tolerance: 0.2, time_limit: TIME s}\n"
+    )
+    [found] = solve_worlds(_cases(text.replace("TIME", "3.7")), np.arange(1))
+    assert (found["answer"], found["earliest_outer"]) == (UNSOLVABLE, np.inf)
+    with pytest.raises(ZeroDivisionError):
+        solve_worlds(_cases(text.replace("TIME", "3.9")), np.arange(1))
 
 
 def test_every_number_of_a_world_may_be_an_input_drawn_in_pairs_and_triples() -> None:

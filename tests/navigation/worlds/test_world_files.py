@@ -61,7 +61,9 @@ def test_numbers_may_name_inputs_and_each_case_has_its_own() -> None:
         ("sensing: {others: {position_noise: -0.1}}\n", 4, "at least"),
         ("sensing: {scan: {beams: 2.5}}\n", 4, "whole number"),
         ("ground: {bounds: [0, 0, 4]}\n", 4, "must have 4 items, but has 3"),
-        ("ground: {walls: [[0, 0, 1]]}\n", 4, "must have 4 items"),
+        ("robot: &a {speed: 1}\n", 4, "a world has no anchors"),
+        ("data: {parameters: {v: {unit: m, edges: [0.1, 2e999]}}}\n", 4, "a number must fit 64 bits"),
+        ("ground: {walls: [[0, 0, 1, 1], [0, 0, 1]]}\n", 4, "the world, ground, walls 2 must have 4 items"),
         ("worlds: 1\n", 4, "no key 'worlds'"),
         ("data: {parameters: {s: {unit: m, edges: [1, 2]}}}\n", 4, "may not be called 's'"),
     ],
@@ -80,6 +82,10 @@ def test_a_mistake_is_named_with_its_line(text: str, line: int, words: str) -> N
         ("parcours: world/2\nname: x\ntask: {}\n", "the format must be world/1"),
         ("parcours: world/1\nname: 'a b'\ntask: {}\n", "a name consists of"),
         ("- 1\n", "must be a mapping"),
+        (
+            "parcours: world/1\nname: x\ntask: {goal: [1, 1], ends_outside: [1, 0, 0, 1]}\n",
+            "task, ends_outside: its lower corner must be below and left of its upper one",
+        ),
         ("parcours: world/1\nname: x\n", "'task'"),
     ],
 )

@@ -132,7 +132,7 @@ class _Search:
         self.goals, self.must, self.seed, self.budget = goals, must, seed, budget
         self.progress = progress or (lambda what, done, total: None)
         self.stream = starts(seed, np.array([0]), ROWS)
-        self.begun = self.search_begun = time.perf_counter()
+        self.begun = time.perf_counter()
         self.lost_before = goals.rules.lost_steps
         self.stages: list[Stage] = []
         self.undecided: list[int] = []
@@ -171,7 +171,7 @@ class _Search:
         layout, room = self.goals.layout, np.zeros((1, len(self.goals.sizes)), dtype=np.int64)
         grow(layout, room, 0, np.zeros(1, dtype=np.int64), 0, 1, self.stream)
         repair(layout, table_of(layout, room[:0]), 0, 0, self.stream)
-        self.search_begun = time.perf_counter()
+        self.begun = time.perf_counter()
 
     def keep(self, name: str, rows: Ints) -> None:
         """Note a stage, and take its array if it is the smallest."""
@@ -189,7 +189,7 @@ class _Search:
         if len(strengths) == 1 and not len(self.must):
             yield from constructions(sizes, strengths.pop(), self.seed, most)
         if self.goals.n_tuples <= MAX_TUPLES and len(self.must) <= MAX_MUST and len(self.best) > self.fewest:
-            deadline = math.inf if self.budget is None else self.search_begun + self.budget
+            deadline = math.inf if self.budget is None else self.begun + self.budget
             rows = covertable_rows(self.goals, self.must, seed=self.seed, deadline=deadline)
             if rows is not None:
                 yield "covertable", rows
@@ -226,7 +226,7 @@ class _Search:
 
     def may_grow(self) -> bool:
         if self.budget is not None:
-            return time.perf_counter() - self.search_begun < max(self.budget, LEAST_GROWTH)
+            return time.perf_counter() - self.begun < max(self.budget, LEAST_GROWTH)
         return self.goals.rules.lost_steps - self.lost_before < LOST_STEPS
 
     def completed(self, number: int) -> Ints | None:
@@ -266,7 +266,7 @@ class _Search:
 
     def goes_on(self, spent: int, spent_before: int) -> bool:
         if self.budget is not None:
-            return time.perf_counter() - self.search_begun < self.budget
+            return time.perf_counter() - self.begun < self.budget
         return spent < EFFORT and spent - spent_before < max(PATIENCE, 10 * spent_before)
 
     def cut(self, rows: Ints, n: int) -> Ints:

@@ -20,11 +20,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import isfinite
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
-from parcours.errors import BadModel, one_of
+from parcours.errors import one_of
 from parcours.model.expression.evaluation import FORMULA_FUNCTIONS, FUNCTIONS, INTEGER_LIMIT
 from parcours.model.expression.syntax import (
     COMPARISONS,
@@ -41,6 +40,7 @@ from parcours.model.expression.syntax import (
     Name,
     Unary,
 )
+from parcours.model.expression.tokens import Token, Tokens
 
 MAX_LENGTH = 4096
 """Longest text of one guard, action or message list [characters]."""
@@ -70,15 +70,14 @@ UNITS = {
 EACH = ("all", "some", "sum")
 """What a quantifier makes of its bodies: all hold, one holds, their sum."""
 
+_HINTS = {
+    "=": "compare with ==, assign with :=",
+    "&": "write &&",
+    "|": "write ||",
+    **dict.fromkeys("'\"", "close the text with the same quote"),
+}
 _ESCAPE = re.compile(r"\\(?:u\{(?P<code>[0-9a-fA-F]{1,6})\}|(?P<other>.))", re.DOTALL)
 _Result = TypeVar("_Result")
-
-
-@dataclass(frozen=True, slots=True)
-class _Token:
-    kind: str
-    text: str
-    at: int
 
 
 def parse_expression(text: str, where: str = "expression") -> Expression:
@@ -132,33 +131,27 @@ def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
 
 
 def _whole(text: str, where: str, parse: Callable[[Any], _Result], make: type[_Parser] | None = None) -> _Result:
-    if len(text) > MAX_LENGTH:
-        rule = f"an expression has at most {MAX_LENGTH} characters, but this one has {len(text)}"
-        raise BadModel(where, rule, "split it over several transitions", slug="expression-size")
     parser = (make or _Parser)(text, where)
     result = parse(parser)
     if parser.token.kind != "end":
-        parser.fail("an operator or the end")
+        parser.fail("an operator or the end must stand")
     return result
 
 
-class _Parser:
-    """Recursive descent over one text; `token` is the next one."""
+class _Parser(Tokens):
+    """Recursive descent over one text."""
 
     functions = FUNCTIONS
 
-    def __init__(self, text: str, where: str) -> None:
-        self.text, self.where = text, where
-        self.tokens = self._split()
-        self.position = 0
-        self.nesting = 0
-
-    @property
-    def token(self) -> _Token:
-        return self.tokens[self.position]
+    pattern = _TOKEN
+    hints = _HINTS
+    noun = "an expression"
+    most = (MAX_LENGTH, MAX_DEPTH)
+    shorten = ("write it shorter, or split it", "split it over several transitions")
+    slugs = ("syntax", "expression-size")
 
     def expression(self, level: int = 1) -> Expression:
-        self._enter()
+        self.enter()
         left = self.unary()
         chain = 0
         while (operator := _WORDS.get(self.token.text, self.token.text)) in LEVELS:
@@ -166,12 +159,12 @@ class _Parser:
             if own < level or self.token.kind == "text":
                 break
             if isinstance(left, Binary) and {operator, left.operator} <= COMPARISONS and chain:
-                self.fail("the end of the comparison", "join two comparisons by &&")
+                self.fail("the end of the comparison must stand", "join two comparisons by &&")
             self.position += 1
             left = Binary(operator, left, self.expression(own + 1))
             chain += 1
             if self.nesting + chain > MAX_DEPTH:
-                self._too_deep()
+                self.too_deep()
         self.nesting -= 1
         return left
 
@@ -179,7 +172,7 @@ class _Parser:
         operator = _WORDS.get(self.token.text, self.token.text)
         if self.token.kind != "text" and operator in ("!", "-"):
             self.position += 1
-            self._enter()
+            self.enter()
             operand = self.unary()
             self.nesting -= 1
             return Unary(operator, operand)
@@ -189,7 +182,7 @@ class _Parser:
             result = longer
             fields += 1
             if self.nesting + fields > MAX_DEPTH:
-                self._too_deep()
+                self.too_deep()
         return result
 
     def part_of(self, whole: Expression) -> Expression | None:
@@ -217,7 +210,7 @@ class _Parser:
         if self.token.kind == "sign" and self.token.text == "(":
             if name not in self.functions:
                 self.position -= 1
-                self.fail("a known function", one_of(name, sorted(self.functions)), slug="unknown-function")
+                self.fail("a known function must stand", one_of(name, sorted(self.functions)), slug="unknown-function")
             return Apply(name, self.arguments())
         return Name(name)
 
@@ -232,7 +225,7 @@ class _Parser:
         if self.accept(":="):
             return Assignment(name, self.expression())
         if not (self.token.kind == "sign" and self.token.text == "("):
-            self.fail("':=' or '('", "write name := value, or name() for an operation")
+            self.fail("':=' or '(' must stand", "write name := value, or name() for an operation")
         return Call(name, self.arguments())
 
     def call(self) -> Call:
@@ -252,83 +245,36 @@ class _Parser:
     def name(self, wanted: str) -> str:
         token = self.token
         if token.kind != "name" or token.text in RESERVED:
-            self.fail(wanted)
+            self.fail(f"{wanted} must stand")
         self.position += 1
         return token.text
-
-    def accept(self, sign: str) -> bool:
-        if self.token.kind == "sign" and self.token.text == sign:
-            self.position += 1
-            return True
-        return False
-
-    def expect(self, sign: str) -> None:
-        if not self.accept(sign):
-            self.fail(repr(sign))
-
-    def fail(self, wanted: str, remedy: str = "", *, slug: str = "syntax") -> NoReturn:
-        token = self.token
-        found = "the end" if token.kind == "end" else repr(token.text)
-        self._fail_at(token.at, f"{wanted} must stand at the caret, but found {found}", remedy, slug)
-
-    def _fail_at(self, at: int, rule: str, remedy: str = "", slug: str = "syntax") -> NoReturn:
-        before, after = self.text[:at], self.text[at:]
-        before = before if len(before) <= 40 else "..." + before[-37:]
-        after = after if len(after) <= 40 else after[:37] + "..."
-        shown = " ".join(f"{before}^{after}".split())
-        raise BadModel(self.where, f'{rule} in "{shown}"', remedy, slug=slug)
-
-    def _enter(self) -> None:
-        self.nesting += 1
-        if self.nesting > MAX_DEPTH:
-            self._too_deep()
-
-    def _too_deep(self) -> NoReturn:
-        rule = f"an expression nests at most {MAX_DEPTH} deep, but this one is deeper at the caret,"
-        self._fail_at(self.token.at, rule, "split it over several transitions", "expression-size")
-
-    def _split(self) -> list[_Token]:
-        tokens, at = [], 0
-        while at < len(self.text):
-            match = _TOKEN.match(self.text, at)
-            if match is None:
-                bad = self.text[at]
-                hints = {"=": "compare with ==, assign with :=", "&": "write &&", "|": "write ||"}
-                hints |= dict.fromkeys("'\"", "close the text with the same quote")
-                rule = f"a sign of the language must stand at the caret, but found {bad!r}"
-                self._fail_at(at, rule, hints.get(bad, ""))
-            if match.lastgroup != "blank":
-                tokens.append(_Token(str(match.lastgroup), match.group(), at))
-            at = match.end()
-        tokens.append(_Token("end", "", len(self.text)))
-        return tokens
 
     def _in_unit(self, number: int | float) -> Literal:
         if self.token.kind != "name" or self.token.text in _WORDS:
             return Literal(number)
         unit = self.token.text
         if unit not in UNITS:
-            self.fail("an operator or a unit", one_of(unit, list(UNITS)), slug="unknown-unit")
+            self.fail("an operator or a unit must stand", one_of(unit, list(UNITS)), slug="unknown-unit")
         self.position += 1
         return Literal(number * UNITS[unit], unit)
 
-    def _number(self, token: _Token) -> int | float:
+    def _number(self, token: Token) -> int | float:
         # Digits are counted first: converting a very long one costs quadratic time.
         if token.kind == "int" and len(token.text.lstrip("0")) <= 19 and int(token.text) <= INTEGER_LIMIT:
             return int(token.text)
         if token.kind == "int" or not isfinite(float(token.text)):
             rule = f"a number must fit 64 bits, but {token.text[:24]} does not,"
-            self._fail_at(token.at, rule, slug="overflow")
+            self.fail_at(token.at, rule, slug="overflow")
         return float(token.text)
 
-    def _unquoted(self, token: _Token) -> str:
+    def _unquoted(self, token: Token) -> str:
         def plain(match: re.Match[str]) -> str:
             code, other = match["code"], match["other"]
             if code is not None and int(code, 16) <= 0x10FFFF:
                 return chr(int(code, 16))
             simple = {"n": "\n", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
             if other not in simple:
-                self._fail_at(token.at, f"a text knows no escape {match.group()!r}", r"use \\ \' \n \t or \u{hex}")
+                self.fail_at(token.at, f"a text knows no escape {match.group()!r}", r"use \\ \' \n \t or \u{hex}")
             return simple[other]
 
         return _ESCAPE.sub(plain, token.text[1:-1])
@@ -340,7 +286,7 @@ class _Formula(_Parser):
     functions = FORMULA_FUNCTIONS
 
     def formula(self) -> Expression:
-        self._enter()
+        self.enter()
         left = self.expression()
         if self.accept("=>"):
             left = Binary("||", Unary("!", left), self.formula())

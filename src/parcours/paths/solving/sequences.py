@@ -14,7 +14,7 @@ from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled
 
 def solve_sequence(
     cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
-    budget: float = BUDGET, seed: int = 0,
+    budget: float = BUDGET,
 ) -> Verdict:  # fmt: skip
     """Return values under which a sequence runs from the initial state, or why there are none.
 
@@ -38,7 +38,7 @@ def solve_sequence(
     work = Work(budget)
     need = CoverageRequirement("", "transitions", tuple(transition_ids))
     try:
-        found = _decided(cefsm, events, work, seed)
+        found = _decided(cefsm, events, work)
     except NoTerm as reason:
         found = str(reason)
     if isinstance(found, str):
@@ -46,7 +46,7 @@ def solve_sequence(
     return Infeasible(need, found) if isinstance(found, tuple) else Covered(need, found)
 
 
-def _decided(cefsm: Cefsm, events: Sequence[TimedEvent], work: Work, seed: int) -> Path | tuple[str, ...] | str:
+def _decided(cefsm: Cefsm, events: Sequence[TimedEvent], work: Work) -> Path | tuple[str, ...] | str:
     """Return a path that runs, what conflicts, or why neither is known."""
     from parcours.paths.solving.reading import ModelTables
     from parcours.paths.solving.walk import SymbolicWalk
@@ -55,7 +55,7 @@ def _decided(cefsm: Cefsm, events: Sequence[TimedEvent], work: Work, seed: int) 
     taken = frozenset(taken_messages(events))
 
     def walked(*, exact: bool, explain: bool) -> SymbolicWalk:
-        walk = SymbolicWalk(ground, places, exact=exact, explain=explain, taken=taken, seed=seed, work=work)
+        walk = SymbolicWalk(ground, places, exact=exact, explain=explain, taken=taken, work=work)
         for event in events:
             walk.push(event)
         walk.finish()

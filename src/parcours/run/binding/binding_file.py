@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from parcours.errors import BadDomain, BadRequest
+from parcours.errors import BadDomain, BadRequest, ParcoursError
 from parcours.model.documents import MAX_BYTES, Mapping, Node, read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.model_file import check_file
@@ -72,8 +72,7 @@ def check_binding(
     text: str, origin: str = "<text>", model: Cefsm | None = None
 ) -> tuple[Binding | None, tuple[Finding, ...]]:
     """Return the binding of a text, None if it has errors, and every finding in the order of the lines."""
-    document, unread = read_document(text, origin)
-    found = [replace(one, message=one.message.replace("a model", "a binding", 1)) for one in unread]
+    document, found = read_document(text, origin, "a binding")
     binding = None
     if document is not None:
         reader = _BindingReader(origin, Path(origin).parent)
@@ -85,11 +84,9 @@ def check_binding(
     return None if errors_among(ordered) else binding, ordered
 
 
-def refusal(found: tuple[Finding, ...]) -> BadRequest:
+def refusal(found: tuple[Finding, ...]) -> ParcoursError:
     """Return one error that says all errors among the findings, one per line."""
-    error = complaint(errors_among(found))
-    rule = error.rule.replace("a model must have no errors", "a binding must have no errors", 1)
-    return BadRequest(error.where, rule, error.remedy, slug=error.slug.replace("model-errors", "binding-errors"))
+    return complaint(errors_among(found), "a binding", BadRequest, "binding-errors")
 
 
 class _BindingReader(PartReader):
@@ -140,7 +137,7 @@ class _BindingReader(PartReader):
         for one in said["nodes"]:
             if one.ros_node:
                 given.setdefault(f"{one.ros_node}/use_sim_time", True)
-            else:
+            elif one.components:
                 rule = f"node {one.name!r} is led by /clock, so 'ros_node' must say how to ask it, but it is missing"
                 self.findings.append(
                     Finding(self.origin, one.line, "error", "missing-key", rule, "add e.g. ros_node: /planner")

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from parcours.model.finding import Finding, advice
-from parcours.run.binding.domains import parts_on_domains
+from parcours.run.binding.domains import domain_of, parts_on_domains, within
 from parcours.run.binding.formulas import PlacedFormula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
-from parcours.run.binding.structure import Binding, BoundChannel, BoundEntry
+from parcours.run.binding.structure import Binding, BoundChannel, BoundEntry, NodeProcess
 from parcours.run.binding.worlds import ASKED, EACH_NAMES, STACK_NAMES, WAY_NAMES, WORLD_NAMES
 
 _ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
@@ -118,13 +118,14 @@ class _Check:
                 self.injection(channel, self.is_ours(channel.name))
         first: dict[str, BoundChannel] = {}
         for channel in self.binding.channels:
-            other = first.setdefault(channel.address, channel)
-            if (other.type, other.part == "topic") != (channel.type, channel.part == "topic"):
-                rule = f"{channel.address} must have one type, but is bound as {other.type} and as {channel.type}"
-                remedy = f"line {other.line} binds it first"
-                self.add(channel.line, "binding-address", rule, remedy)
-            same = [one.name for one in self.binding.channels if one.role != "observe"
-                    and (one.address, one.domain) == (channel.address, channel.domain)]  # fmt: skip
+            placed = self.names(channel)
+            for other in [first.setdefault(name, channel) for name in sorted(placed)]:
+                if (other.type, other.part == "topic") != (channel.type, channel.part == "topic"):
+                    rule = f"{channel.address} must have one type, but is bound as {other.type} and as {channel.type}"
+                    remedy = f"line {other.line} binds it first"
+                    self.add(channel.line, "binding-address", rule, remedy)
+                    break
+            same = [one.name for one in self.binding.channels if one.role != "observe" and placed & self.names(one)]
             if channel.role == "observe" and same:
                 rule = f"{channel.address} must be listened to once, but is bound as {same[0]!r}, too"
                 self.add(channel.line, "binding-observed", rule, f"delete {channel.name!r}: traces have the other")
@@ -177,7 +178,7 @@ class _Check:
                 continue
             ends = (modelled.sender, modelled.receiver)
             client, server = ends if channel.part == "request" else ends[::-1]
-            parts.setdefault((channel.address, client, server), []).append(channel)
+            parts.setdefault((self.placed(channel, channel.address, server), client, server), []).append(channel)
         first: dict[str, str] = {}
         for (address, client, server), channels in parts.items():
             if first.setdefault(address, server) != server:
@@ -193,7 +194,7 @@ class _Check:
 
     def actions(self) -> None:
         """Every part of an action belongs to a goal, and goes its way or back."""
-        goals = {_action(one): one for one in self.binding.channels if one.action == "goal"}
+        goals = [one for one in self.binding.channels if one.action == "goal"]
         for channel in self.binding.channels:
             if not channel.action:
                 continue
@@ -201,16 +202,17 @@ class _Check:
                 rule = f"only ros2 has actions, but 'transport' is {self.binding.transport}"
                 self.add(channel.line, "binding-action-part", rule, "bind its topics")
                 continue
-            goal = goals.get(_action(channel))
-            if goal is None:
+            same = [one for one in goals if _action(one) == _action(channel)]
+            if not same:
                 rule = f"an action begins with a goal, but no channel is bound to that of {_action(channel)}"
                 self.add(channel.line, "binding-action-part", rule, "bind one with part: goal")
                 continue
-            client, server = self.binding.ends(goal.name)
-            sender, receiver = (client, server) if channel.action in ("goal", "cancel") else (server, client)
-            if self.binding.ends(channel.name) != (sender, receiver):
+            ends, is_forth = self.binding.ends(channel.name), channel.action in ("goal", "cancel")
+            # Robots on domains of their own may serve one name each.
+            goal = next((one for one in same if set(self.binding.ends(one.name)) == set(ends)), same[-1])
+            sender, receiver = self.binding.ends(goal.name)[:: 1 if is_forth else -1]
+            if ends != (sender, receiver):
                 rule = f"the {channel.action} of {_action(channel)} must go from {sender} to {receiver}"
-                ends = self.binding.ends(channel.name)
                 said = f"{rule}, but {channel.name!r} goes from {ends[0]} to {ends[1]}"
                 self.add(channel.line, "binding-action-part", said, f"line {goal.line} binds its goal")
 
@@ -264,9 +266,10 @@ class _Check:
         if self.binding.clock and (stack is not None or self.binding.transport != "ros2"):
             rule = "the tester says the time on ros2, and to a stack by its own section, but 'clock' is given"
             self.add(0, "binding-clock", rule, "delete it")
-        if stack is not None and stack.simulated and self.binding.timing:
+        if self.binding.timing and (self.binding.clock or (stack is not None and stack.simulated)):
             rule = "durations are those of the machine's clock, but the nodes are led by /clock"
-            self.add(self.binding.timing[0].line, "clock-domains", rule, "delete 'timing', or write time: real")
+            instead = "delete 'clock'" if stack is None else "write time: real"
+            self.add(self.binding.timing[0].line, "clock-domains", rule, f"delete 'timing', or {instead}")
 
     def life(self) -> None:
         if self.binding.transport == "ros2":
@@ -284,6 +287,29 @@ class _Check:
             if part.domain is not None and (binding.stack is not None or binding.transport != "ros2"):
                 rule = f"nodes {'of a stack ' if binding.stack is not None else ''}{why}, but {part.domain} is named"
                 self.add(part.line, "binding-domain", rule, "delete 'domain'; ROS_DOMAIN_ID chooses that of a run")
+        for step in (*binding.before_case, *binding.after_case):
+            node = step.name if step.kind == "life" else step.name.rpartition("/")[0]
+            called = [one for one in binding.nodes if one.ros_node == node]
+            if step.domain is None and len({one.domain for one in called}) > 1:
+                names = " and ".join(one.name for one in called)
+                rule = f"{node} must be one node, but {names} are called so, on domains of their own"
+                self.add(step.line, "binding-domain", rule, "say the 'domain' of the step")
+
+    def names(self, channel: BoundChannel) -> set[str]:
+        """Return the names of a channel, each with the domain that an end of it is on."""
+        found = [self.node(channel, end) for end in self.binding.ends(channel.name)]
+        nodes = [one for one in found if one is not None] or found[:1]
+        return {within(channel.address, domain_of(channel, node)) for node in nodes}
+
+    def node(self, channel: BoundChannel, end: str) -> NodeProcess | None:
+        """Return the node at an end of a channel, if one is."""
+        if channel.role == "model":
+            return self.binding.process_of(end)
+        return next((node for node in self.binding.nodes if node.name == end), None)
+
+    def placed(self, channel: BoundChannel, name: str, component: str) -> str:
+        """Return a name with the domain of a component's end of a channel."""
+        return within(name, domain_of(channel, self.binding.process_of(component)))
 
     def is_ours(self, name: str) -> bool:
         """Whether the tester makes the messages of a bound channel: no node runs its sender."""

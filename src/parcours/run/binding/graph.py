@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from parcours.errors import one_of
 from parcours.model.finding import Finding
+from parcours.run.binding.domains import parted
 from parcours.run.binding.routes import INTO, OUT
 from parcours.run.binding.slots import SlotPlan, Spoke, whole
 from parcours.run.binding.structure import Binding, BoundChannel
+
+_NUMBER = re.compile(r"_?[0-9]+$")
 
 _LIVELINESS = ("automatic", "manual by topic")
 
@@ -127,7 +132,7 @@ def graph_findings(binding: Binding, graph: RegisteredGraph, plan: SlotPlan | No
         elif slot is not None and slot.ros_node and graph.offered and slot.ros_node not in who:
             rule = f"{what} needs {slot.ros_node}, which {verb} {spoke.address}, but {', '.join(who)} does"
             found.append(_finding(binding, channel, "absent-topic", rule, f"correct 'ros_node' of {slot.node.name!r}"))
-    return [*found, *_unlike(binding, graph, plan)]
+    return [*found, *_unlike(binding, graph, plan), *_bridged(binding, graph, plan), *_clocks(binding, graph)]
 
 
 def _finding(binding: Binding, channel: BoundChannel, slug: str, rule: str, remedy: str) -> Finding:
@@ -159,6 +164,38 @@ def _unlike(binding: Binding, graph: RegisteredGraph, plan: SlotPlan) -> list[Fi
                             remedy = f"correct the QoS of {channel.address} in one of the two"
                             found.append(_finding(binding, channel, "qos-mismatch", f"{rule} by {receiver}", remedy))
     return found
+
+
+def _bridged(binding: Binding, graph: RegisteredGraph, plan: SlotPlan) -> list[Finding]:
+    """Return which channels somebody else brings to another domain, too: their receivers would hear all twice."""
+    found = []
+    for channel in binding.channels:
+        ends = [spoke for spoke in plan.spokes if channel.name in spoke.channels and not spoke.is_service]
+        for out, into in itertools.product(
+            (one for one in ends if one.side == "out"), (one for one in ends if one.side == "into")
+        ):
+            if parted(out.address)[1] == parted(into.address)[1]:
+                continue
+            # A bridge has a node on each side, often numbered as its domain is.
+            hear = {_NUMBER.sub("", name): name for name in graph.subscribers.get(out.address, ())}
+            for name in graph.publishers.get(into.address, ()):
+                if (there := hear.get(_NUMBER.sub("", name))) is not None:
+                    rule = f"channel {channel.name!r} passes the tester from {out.address} to {into.address}"
+                    said = f"{rule}, but {there} hears it there, and {name} says it, too"
+                    remedy = "end that bridge; or say 'observe: true' for the channel, and keep the bridge"
+                    found.append(_finding(binding, channel, "bridged-twice", said, remedy))
+    return found
+
+
+def _clocks(binding: Binding, graph: RegisteredGraph) -> list[Finding]:
+    """Return who says the time beside the tester."""
+    who = {name: nodes for name, nodes in graph.publishers.items() if parted(name)[0] == "/clock" and nodes}
+    return [
+        Finding(binding.source, 0, "error", "clock-twice",
+                f"the tester says the time on {name}, but {', '.join(sorted(nodes))} says it, too",
+                "delete 'clock' of the binding, or end that node")
+        for name, nodes in sorted(who.items()) if binding.clock
+    ]  # fmt: skip
 
 
 def _need(binding: Binding, spoke: Spoke, graph: RegisteredGraph) -> tuple[Mapping[str, Collection[str]], str] | None:

@@ -37,11 +37,12 @@ class Relay:
         kinds: channel -> an empty message of its type, for recordings; asked for at each message.
         now: the time since the run began [ns].
         faults: of messages.
-        listener: called with each event as soon as it has happened, payload included.
+        listener: called with each event, payload included, when messages have gone on (`report`).
 
     Attributes:
         arrived: what is done with a message that was heard; at first `release`.
         unserved: what is done with a request that no node is there to serve; at first it fails.
+        reports_at_once: whether the listener hears of each event before the message goes on; at first not.
     """
 
     def __init__(
@@ -54,7 +55,9 @@ class Relay:
         self._listener = listener
         self.arrived: Hook = self.release
         self.unserved: Hook = lambda message: self.fail(message, "nobody serves it")
+        self.reports_at_once = False
         self.events: list[TraceEvent] = []
+        self._unreported: list[TraceEvent] = []
         self.case_began = -1
         """From when on faults count [ns since the run began]; -1: not yet."""
         self.calls: list[ServiceCall] = []
@@ -187,8 +190,10 @@ class Relay:
     def _ask_result(self, goal: str, slot: str, data: bytes) -> None:
         """Ask for the result of a goal of the tester's own, if it is bound."""
         address = self.binding.channel(goal).address.rpartition("/")[0]
+        way_back = self.binding.ends(goal)[::-1]
         for one in self.binding.channels:
-            if one.action == "result" and one.address.rpartition("/")[0] == address:
+            is_its = one.address.rpartition("/")[0] == address and self.binding.ends(one.name) == way_back
+            if one.action == "result" and is_its:
                 call = ServiceCall(one.address, "", None)
                 self._ask(RawMessage(-1, "", "", "", ActionGoals.asking(data), self._now(), call), one.name, slot)
 
@@ -243,8 +248,9 @@ class Relay:
     # The trace.
 
     def note(self, text: str, component: str = "", time: int | None = None) -> None:
-        """Write a remark into the trace."""
+        """Write a remark into the trace, and report it at once."""
         self._tell(TraceEvent(self._now() if time is None else time, "note", component, text=text))
+        self.report()
 
     def record(self, kind: Kind, component: str, message: RawMessage, text: str = "", *, transition: str = "",
                data: bytes | None = None) -> None:  # fmt: skip
@@ -261,7 +267,15 @@ class Relay:
 
     def _tell(self, event: TraceEvent) -> None:
         self.events.append(event)
-        self._listener(event)
+        self._unreported.append(event)
+        if self.reports_at_once:
+            self.report()
+
+    def report(self) -> None:
+        """Call the listener with what has happened: no message waits for a judge, or until it has been recorded."""
+        happened, self._unreported = self._unreported, []
+        for event in happened:
+            self._listener(event)
 
     def close(self) -> None:
         """End all calls; what comes later is not heard."""
@@ -279,7 +293,8 @@ class Relay:
         if message.number not in self._raw:
             if len(self._raw) > 4096:
                 self._raw.clear()
-            self._raw[message.number] = replace(self._kinds(message.channel), content=message.data)
+            kind = self._kinds(message.channel)  # made without `replace`, which takes as long as the rest of a relay
+            self._raw[message.number] = Raw(kind.type, kind.md5, kind.definition, message.data, kind.encoding)
         return self._raw[message.number]
 
     def _name(self, channel: str, slot: str, end: int) -> str:

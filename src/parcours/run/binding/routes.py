@@ -7,7 +7,6 @@ to several nodes, they are moved, too, to `/parcours/in/<node>/...`, so that eac
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -158,6 +157,15 @@ class _Routing:
                     found.setdefault(node.name, set()).add((channel.address, name))
         return {name: tuple(sorted(pairs)) for name, pairs in found.items()}
 
+    def sides(self, node: str, address: str) -> tuple[list[BoundChannel], list[BoundChannel]]:
+        """Return the channels on which a node sends to others under an address, and receives; of services, requests."""
+        found: tuple[list[BoundChannel], list[BoundChannel]] = [], []
+        for channel in self.binding.channels:
+            names = [one.name if one is not None else "" for one in self.nodes(channel)]
+            if channel.address == address and names.count(node) == 1:
+                found[names.index(node) ^ (channel.part == "response")].append(channel)
+        return found
+
     def findings(self) -> list[Finding]:
         found = []
         for channel, route in zip(self.binding.channels, self.routes, strict=True):
@@ -183,11 +191,13 @@ class _Routing:
                 remedy = f"start it with {channel.address} remapped and give that name as 'out', or say 'observe: true'"
                 found.append(self.at(channel, "binding-separation", rule, remedy))
         for name, pairs in self.remappings().items():
-            for address, count in Counter(address for address, _ in pairs).items():
-                if count > 1:
-                    where = next(c for c in self.binding.channels if c.address == address)
+            for address in dict.fromkeys(address for address, _ in pairs):
+                sent, received = self.sides(name, address)  # which move together: a name is remapped to one other
+                if sent and received:
                     rule = f"node {name!r} must send or receive on {address}, but the channels make it do both"
-                    found.append(self.at(where, "binding-loop", rule, "say 'observe: true' for all but one of them"))
+                    is_moved_in = any(key == address and instead.startswith(INTO) for key, instead in pairs)
+                    remedy = "bind only one of the two" if is_moved_in else f"say 'observe: true' for {sent[0].name!r}"
+                    found.append(self.at(sent[0], "binding-loop", rule, remedy))
         return found
 
     def at(self, channel: BoundChannel, slug: str, rule: str, remedy: str) -> Finding:

@@ -118,7 +118,7 @@ class _Spokes:
         key = slot, side, address, client if channel.part != "topic" else ""
         before = self.found.get(key)
         if channel.part == "topic":
-            names = (*(before.channels if before else ()), channel.name)
+            names = tuple(dict.fromkeys((*(before.channels if before else ()), channel.name)))
         else:
             halves = before.channels if before else ("", "")
             names = (channel.name, halves[1]) if channel.part == "request" else (halves[0], channel.name)
@@ -169,8 +169,9 @@ def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
         rule = "needs at least one component that a node runs, but has none"
         raise HostFailure("abstract case", rule, "add the node to the binding", slug="foreign-instances")
     running = {slot.node.name for slot in slots}
-    for launcher in binding.nodes:
-        if any(node.name in running for node in binding.launched_by(launcher)):
+    for launcher in (node for node in binding.nodes if node.is_launcher):
+        launched = binding.launched_by(launcher)
+        if not launched or any(node.name in running for node in launched):
             slots.append(ProcessSlot(launcher.name, launcher, None, launcher.ros_node, ()))
             running.add(launcher.name)
     absent = frozenset(node.name for node in binding.nodes if node.name not in running)

@@ -2,10 +2,10 @@
 
 from parcours.run.faults.corruption import HOWS, FlatCodec, How, corrupted, corrupted_bytes
 from parcours.run.faults.effects import UNTOUCHED, Effect, Effects, signals
-from parcours.run.faults.plan import NO_FAULTS, ChannelFault, ComponentFault, Fault, FaultPlan
+from parcours.run.faults.plan import ChannelFault, ComponentFault, Fault, FaultPlan
 from parcours.run.faults.text import parse_fault, parse_plan, read_plan
 
 __all__ = [
-    "HOWS", "NO_FAULTS", "UNTOUCHED", "ChannelFault", "ComponentFault", "Effect", "Effects", "Fault", "FaultPlan",
+    "HOWS", "UNTOUCHED", "ChannelFault", "ComponentFault", "Effect", "Effects", "Fault", "FaultPlan",
     "FlatCodec", "How", "corrupted", "corrupted_bytes", "parse_fault", "parse_plan", "read_plan", "signals",
 ]  # fmt: skip

@@ -236,9 +236,6 @@ class FaultPlan:
                 raise BadRequest(f"fault {str(fault)!r}", rule, one_of(name, known), slug="fault-unknown-name")
 
 
-NO_FAULTS = FaultPlan()
-
-
 def _out_of_range(where: str, rule: str, remedy: str = "") -> BadRequest:
     return BadRequest(where, rule, remedy, slug="fault-range")
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run import heartbeat as heartbeat
-from parcours.run.exception_text import Overdue, place, said, without_addresses
+from parcours.run.exception_text import Overdue, cut, place, said, without_addresses
 from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
@@ -242,16 +242,14 @@ def reason_bytes(text: str) -> bytes:
     >>> reason_bytes("raised by <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
     b'raised by <object object at 0x...> twice'
     """
-    line = without_addresses(text).encode("utf-8", "replace")
-    return line if len(line) <= REASON_LENGTH else line[: REASON_LENGTH - 3].decode("utf-8", "ignore").encode() + b"..."
+    return cut(without_addresses(text), REASON_LENGTH).encode("utf-8", "replace")
 
 
 def words_of(error: BaseException, file: str) -> str:
     """Return what was raised and where: in the user's own file if it passed there."""
-    words, (_, line) = said(error), place(error, file)
+    _, line = place(error, file)
     where = f" ({line})" if line else ""
-    room = REASON_LENGTH - len("raised: ") - len(where.encode())
-    return (words if len(words.encode()) <= room else words[: max(room // 4, 20)] + "...") + where
+    return cut(said(error), max(REASON_LENGTH - len("raised: ") - len(where.encode()), 20)) + where
 
 
 def shown(value: object) -> str:

@@ -26,6 +26,7 @@ from parcours.study.campaign.results import Trace, read_results, report_results
 from parcours.study.campaign.rules import (
     ABSTRACT,
     KINDS,
+    RATES,
     Fact,
     Rows,
     Rule,
@@ -114,6 +115,10 @@ class CampaignStudy:
     def parameters(self) -> tuple[Parameter, ...]:
         """Its own, then how many workers."""
         return (*self.own, workers_parameter())
+
+    def measure_names(self, settings: Settings) -> tuple[str, ...]:
+        """Return what `--fail-if` may ask for: rates of verdicts, and facts."""
+        return (*(name for name, _, _ in RATES), *self._fact_names)
 
     @property
     def _fact_names(self) -> tuple[str, ...]:

@@ -142,7 +142,8 @@ def _untaken(study: ComponentStudy) -> Iterator[StudyFinding]:
         if left:
             rule = f"no case takes {', '.join(left)}"
             remedy = (
-                "name an interaction path through it under the model's `interactions:`, or another criterion: `paths:`"
+                "name an interaction path through it under the model's `interactions:`, or in `paths:` another "
+                "criterion, such as `specified:` and a way that the guards allow"
             )
             yield StudyFinding("warning", f"component {component.name}", rule, remedy)
 

@@ -80,7 +80,7 @@ def read_components(reader: StudyReader, root: Node) -> Study | None:
 
 def _model(reader: StudyReader, path: Path | None, top: Mapping[str, Node]) -> Cefsm | None:
     if path is None:
-        if "model" not in top:
+        if "model" not in top and not (reader.folder / "model.yaml").exists():
             reader.add(None, "study-file", "a component study needs a model, but there is no model.yaml beside it",
                        "write one, or name it: model: FILE")  # fmt: skip
         return None

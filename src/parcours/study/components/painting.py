@@ -76,7 +76,7 @@ def channel_figure(model: Cefsm, results: Sequence[ComponentResult], where: str)
     note = (
         f"Messages a case, counted in the traces of {len(counted):,d} cases, the tester's included. Dashed: no message."
     )
-    return [Figure(title, lambda: channels_to_svg(model, title, rates, "a case"), f"Messages a case: {said}", note)]
+    return [Figure(title, lambda: channels_to_svg(model, title, rates), f"Messages a case: {said}", note)]
 
 
 def transition_states(

@@ -46,7 +46,7 @@ def select_cases(model: Cefsm, criterion: str, policy: str, chooser: Chooser) ->
     paths = internal_paths(model, criterion)
     listed = {case.id: case for case in abstract_cases(model, policy or None, paths=paths)}
     if not listed:
-        require_cases(model, model.source)
+        require_cases(model, model.source, paths)
     reasons = {id: chooser.stimuli(serialise(case), {}).infeasible for id, case in listed.items()}
     cases = {id: case for id, case in listed.items() if not reasons[id]}
     infeasible = {id: why for id, why in reasons.items() if why}

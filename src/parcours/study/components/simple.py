@@ -57,7 +57,7 @@ class Simple:
     """An object with a method for each message -> a component."""
 
     def __init__(self, modelled: Modelled, make: Callable[[], object]) -> None:
-        self._modelled, self._make = modelled, make
+        self._make = make
         self.name = modelled.name
         self._transitions = {transition.id for transition in modelled.transitions()}
         from parcours.model.structure import BASE_TYPES  # a user's file imports `took` only, which takes no time

@@ -333,6 +333,10 @@ class ComponentStudy:
 
         return run_study(self, request, progress)
 
+    def measure_names(self, settings: Settings) -> tuple[str, ...]:
+        """Return what `--fail-if` may ask for; timing cases have durations."""
+        return "failed", "passed", "inconclusive", "errors", "duration"
+
     def read(self, folder: Path) -> Results:
         """Return the results in a folder."""
         from parcours.study.components.running import read_results

@@ -15,6 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.kernels import Record, kernel
+from parcours.streams import Stream, between
 from parcours_navigation.ground.generators.site import Draw, Site, box, drawn, require
 from parcours_navigation.ground.ground import lay_ground
 from parcours_navigation.ground.outlines import BadGround
@@ -60,22 +62,34 @@ def cylinders(
 
     def draw(by: Draw) -> Site:
         discs = np.empty((n, 3))
-        count = 0
-        for _ in range(20 * n):
-            if count == n:
-                break
-            x, y, r = by.between(0.0, size), by.between(0.0, size), by.between(least, most)
-            to_x, to_y = discs[:count, 0] - x, discs[:count, 1] - y
-            apart = np.sqrt(to_x * to_x + to_y * to_y) - discs[:count, 2] - r
-            ends = np.sqrt(min((x - near) ** 2 + (y - near) ** 2, (x - size + near) ** 2 + (y - size + near) ** 2))
-            if ends - r > near and (apart >= gap).all():
-                discs[count] = x, y, r
-                count += 1
+        count = _strew(by.stream, size, least, most, gap, near, discs)
         bounds = np.array([0.0, 0.0, size, size])
         start, goal = (near, near, 0.25 * np.pi), (size - near, size - near)
         return Site(lay_ground(discs=discs[:count], bounds=bounds), start, goal, bounds)
 
-    return drawn("cylinders", seed, _CYLINDERS, radius, draw)
+    return drawn("cylinders", seed, _CYLINDERS, radius, draw, 20 * n)
+
+
+@kernel
+def _strew(stream: Stream, size: float, least: float, most: float, gap: float, near: float, discs: Record) -> int:
+    """Fill in discs, shape (n, 3), in at most 20 n tries, and return how many found room."""
+    count = 0
+    for _ in range(20 * len(discs)):
+        if count == len(discs):
+            break
+        x, y, r = between(stream, 0.0, size), between(stream, 0.0, size), between(stream, least, most)
+        far_x, far_y = x - size + near, y - size + near
+        ends = np.sqrt(min((x - near) * (x - near) + (y - near) * (y - near), far_x * far_x + far_y * far_y))
+        fits = ends - r > near
+        for k in range(count):
+            to_x, to_y = discs[k, 0] - x, discs[k, 1] - y
+            if not fits or np.sqrt(to_x * to_x + to_y * to_y) - discs[k, 2] - r < gap:
+                fits = False
+                break
+        if fits:
+            discs[count, 0], discs[count, 1], discs[count, 2] = x, y, r
+            count += 1
+    return count
 
 
 def smoothed(filled: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -120,7 +134,7 @@ def barn(
     require("barn", 2.5 * radius, 1e3, apron=apron)
 
     def draw(by: Draw) -> Site:
-        filled = np.array([by.chance(fill) for _ in range(rows * columns)]).reshape(rows, columns)
+        filled = by.chances(fill, rows * columns).reshape(rows, columns)
         for _ in range(smoothing):
             filled = smoothed(filled)
         row, column = np.nonzero(filled)
@@ -130,7 +144,7 @@ def barn(
         start, goal = (-0.5 * apron, 0.5 * rows * cell, 0.0), (columns * cell + 0.5 * apron, 0.5 * rows * cell)
         return Site(lay_ground(discs=discs, bounds=bounds), start, goal, bounds)
 
-    return drawn("barn", seed, _BARN, radius, draw)
+    return drawn("barn", seed, _BARN, radius, draw, rows * columns)
 
 
 def barn_world(number: int, *, seed: int = 0, radius: float = 0.25) -> Site:

@@ -6,14 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from parcours.kernels import Record, kernel
 from parcours.streams import Stream, below, between, start
 from parcours_navigation.ground.connected import is_connected
 from parcours_navigation.ground.ground import Ground
 from parcours_navigation.ground.outlines import FARTHEST, BadGround, Floats
 
 ATTEMPTS = 1000
-"""Grounds that are drawn at most until one is connected."""
+"""Grounds that are drawn at most until one is connected; fewer of large ones."""
+
+_MOST_DRAWN = 2_000_000  # random things in all attempts, beyond the first: so refusing takes seconds, not hours
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +48,20 @@ class Draw:
         """Return True with a probability."""
         return between(self.stream, 0.0, 1.0) < share
 
+    def chances(self, share: float, n: int) -> NDArray[np.bool_]:
+        """Return what n calls of `chance` would, shape (n,)."""
+        found = np.empty(n, np.bool_)
+        _fill_chances(self.stream, share, found)
+        return found
 
-def drawn(name: str, seed: int, purpose: int, radius: float, draw: Callable[[Draw], Site]) -> Site:
+
+@kernel
+def _fill_chances(stream: Stream, share: float, found: Record) -> None:
+    for k in range(len(found)):
+        found[k] = between(stream, 0.0, 1.0) < share
+
+
+def drawn(name: str, seed: int, purpose: int, radius: float, draw: Callable[[Draw], Site], things: int = 1) -> Site:
     """Return the first of the sites drawn for a seed on which a disc certainly gets from start to goal.
 
     Args:
@@ -54,20 +70,21 @@ def drawn(name: str, seed: int, purpose: int, radius: float, draw: Callable[[Dra
         purpose: of the generator's streams.
         radius: of the disc [m].
         draw: the generator.
+        things: how many random things it draws for one ground, about.
 
     Raises:
-        BadGround: the seed does not fit, or none of ATTEMPTS sites is connected.
+        BadGround: the seed does not fit, or no site is connected.
     """
     if not 0 <= seed < 2**64:
         raise BadGround(name, f"a seed is a whole number from 0 to 2**64 - 1, but {seed} was given", slug="seed")
-    stream = np.zeros(1, np.uint64)
-    for attempt in range(ATTEMPTS):
+    stream, attempts = np.zeros(1, np.uint64), max(1, min(ATTEMPTS, _MOST_DRAWN // max(things, 1)))
+    for attempt in range(attempts):
         start(stream, np.uint64(seed), np.uint64(attempt), np.uint64(purpose))
         site = draw(Draw(stream))
         if is_connected(site.ground.pack(), site.area, site.start[:2], site.goal, radius):
             return site
     rule = (
-        f"a disc of {radius:g} m must get from start to goal, but in none of {ATTEMPTS} grounds of seed {seed} it does"
+        f"a disc of {radius:g} m must get from start to goal, but in none of {attempts} grounds of seed {seed} it does"
     )
     raise BadGround(name, rule, "take fewer or smaller obstacles, or a smaller radius", slug="ground-connected")
 

@@ -170,30 +170,53 @@ class ForeignHost:
                 self._attach_service(spoke)
             elif spoke.side == "into":
                 self.publisher(spoke)
-            else:
+            elif spoke.address not in self._listeners:
                 hear = functools.partial(self._heard, spoke.address)
                 self._listeners[spoke.address] = self.graph.subscribe(spoke.address, spoke.type, hear)
         for goal in (one for one in self.binding.channels if one.action == "goal"):
             client, server = (self.binding.process_of(end) for end in self.binding.ends(goal.name))
+            near, far = domain_of(goal, client), domain_of(goal, server)
             if client is not None and all(slot.node is not server for slot in slot_plan.slots):
-                self._attach_rest(goal, domain_of(goal, client))
+                self._attach_rest(goal, near, self._offer)
+            elif client is not None and near != far:
+                self._attach_rest(goal, near, functools.partial(self._pass_on, far=far))
         self.graph.spin(0)
 
-    def _attach_rest(self, goal: BoundChannel, domain: int | None) -> None:
-        """Offer what is not bound of an action that no node serves: its clients wait until all of it is there."""
+    def _attach_rest(self, goal: BoundChannel, near: int | None, attach: Callable[[str, str, str], None]) -> None:
+        """Stand in for what is not bound of an action that no node serves on the domain of its client.
+
+        Clients wait until all of it is there: `attach` is given the end of each name, the name and its type.
+        """
         front, base = goal.address.rpartition("/")[0], goal.type.removesuffix("_SendGoal")
-        bound = {one.address for one in self.binding.channels}
-        done = self.graph.types.packed(self.graph.types.create("action_msgs/CancelGoalResponse"))
+        ends = set(self.binding.ends(goal.name))
+        bound = {one.address for one in self.binding.channels if set(self.binding.ends(one.name)) == ends}
         for end, kind in ((end, kind.format(base)) for end, kind in (STATUS, *(one[:2] for one in WIRE.values()))):
-            address = f"{front}/{end}"
-            if address in bound:
-                continue
-            address = within(address, domain)
-            if end in ("status", "feedback"):
-                self.graph.publish(address, kind, queue=1, latch=False)
-            else:
-                answer = done if end == "cancel_goal" else None
-                self.graph.serve(address, kind, lambda data, reply, answer=answer: reply(answer))  # type: ignore[misc]
+            if f"{front}/{end}" not in bound:
+                attach(end, within(f"{front}/{end}", near), kind)
+
+    def _offer(self, end: str, address: str, kind: str) -> None:
+        """Be the server of a part of an action, which knows no goal."""
+        if end in ("status", "feedback"):
+            self.graph.publish(address, kind, queue=1, latch=False)
+        else:
+            done = self.graph.types.packed(self.graph.types.create("action_msgs/CancelGoalResponse"))
+            answer = done if end == "cancel_goal" else None
+            self.graph.serve(address, kind, lambda data, reply: reply(answer))
+
+    def _pass_on(self, end: str, address: str, kind: str, *, far: int | None) -> None:
+        """Bring a part of an action from the domain of its server, or calls to it."""
+        there = within(address.partition("@")[0], far)
+        if end in ("status", "feedback"):
+            publisher = self.graph.publish(address, kind, queue=1, latch=end == "status", like=there)
+
+            def heard(data: bytes) -> None:
+                if publisher is not None:
+                    publisher.send(data)
+
+            self.graph.subscribe(there, kind, heard)
+        else:
+            caller = self.graph.call(there, kind)
+            self.graph.serve(address, kind, lambda data, reply: caller.ask(data, lambda answer, why: reply(answer)))
 
     def detach(self) -> None:
         """Hear nothing; calls are refused."""

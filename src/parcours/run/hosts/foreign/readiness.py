@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable
 from parcours.errors import HostFailure
 from parcours.model.finding import Finding
 from parcours.run.binding import structure
-from parcours.run.binding.domains import within
+from parcours.run.binding.domains import parted, within
 from parcours.run.binding.graph import RegisteredGraph, graph_findings
+from parcours.run.binding.in_transit import ServiceCall
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.slots import ProcessSlot, SlotPlan
+from parcours.run.binding.slots import ProcessSlot, SlotPlan, Spoke
 from parcours.run.binding.structure import ReadyWhen
 from parcours.run.hosts.foreign.host import ForeignHost
 
@@ -20,7 +21,7 @@ _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 _AT_WORK = 0.3
 """Nodes that still load what they need use, or wait for, more of a processor than this; complete ones sleep."""
 
-_UNSEEN = ("node-twice", "qos-mismatch")
+_UNSEEN = ("node-twice", "qos-mismatch", "bridged-twice", "clock-twice")
 """What may be wrong although every node, for itself, is ready."""
 
 
@@ -33,19 +34,19 @@ class Readiness:
         self._waiting: dict[str, list[ReadyWhen]] = {}
         self._looked, self._changed, self._state = 0, 0, RegisteredGraph()
         self._demands: dict[str, int] = {}
+        self._asked: dict[ServiceCall, int] = {}
+        self._progressed = 0  # when a node was begun, or was seen to have more of what it needs
 
     def begin(self, slots: Iterable[ProcessSlot]) -> None:
         """Wait for these, too, from now on."""
-        self._changed = self._now()
+        self._changed = self._progressed = self._now()
         for slot in slots:
             self._began[slot.name], self._waiting[slot.name] = self._now(), list(slot.node.ready)
 
     def startable(self) -> list[ProcessSlot]:
         """Return the slots that are not started, whose predecessors are ready."""
-        done = {slot.node.name for slot in self._seating.slots} - {
-            slot.node.name for slot in self._seating.slots if self._waiting.get(slot.name, [1])
-        }
         there = {slot.node.name for slot in self._seating.slots}
+        done = there - {slot.node.name for slot in self._seating.slots if self._is_pending(slot)}
         return [
             slot for slot in self._seating.slots
             if slot.name not in self._began and set(slot.node.after) & there <= done
@@ -58,8 +59,11 @@ class Readiness:
         """
         begun = [slot for slot in self._seating.slots if slot.name in self._began]
         for slot in begun:
-            self._waiting[slot.name] = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]
-        if not any(self._waiting.values()):
+            waiting = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]
+            if waiting != self._waiting[slot.name]:
+                self._waiting[slot.name], self._progressed = waiting, self._now()
+        pending = [slot for slot in begun if self._is_pending(slot)]
+        if not pending:
             # A receiver is ready while its sender is not there yet: whether the two connect is only known now.
             wrong = [one for one in self.findings() if one.rule in _UNSEEN]
             if wrong and len(begun) == len(self._seating.slots):
@@ -67,7 +71,7 @@ class Readiness:
             return True
         now = self._now()
         late = [
-            (slot, one) for slot in begun for one in self._waiting[slot.name]
+            (slot, one) for slot in pending for one in self._waiting[slot.name]
             if now - self._began[slot.name] > one.timeout * 1e9
         ]  # fmt: skip
         if late or self._has_settled(begun):
@@ -90,12 +94,12 @@ class Readiness:
             demand - self._demands.get(name, 0) > _AT_WORK * elapsed for name, demand in demands.items()
         )
         known = {
-            who
+            within(who, parted(name)[1])
             for table in (state.publishers, state.subscribers, state.servers)
-            for all_ in table.values()
+            for name, all_ in table.items()
             for who in all_
         }
-        are_there = all(slot.ros_node in known for slot in begun if slot.ros_node)
+        are_there = all(slot.graph_name in known for slot in begun if slot.ros_node)
         if state != self._state or is_busy or not are_there:  # one may not even be discovered
             self._changed = now
         self._state, self._demands = state, demands
@@ -105,18 +109,20 @@ class Readiness:
         host = self._host
         match one.kind:
             case "bound":
+                if slot.ros_node and not slot.node.components:  # nothing is bound to it
+                    return host.graph.answers(slot.graph_name)
                 is_stack = host.binding.stack is not None  # whose channels are those of all nodes together
-                spokes = [spoke for spoke in self._seating.spokes if spoke.slot == ("" if is_stack else slot.name)]
-                if (
-                    any(call.client == slot.name for call in self._relay.calls)
-                    and self._now() - self._began[slot.name] > _EARLIEST
-                ):
-                    return True  # it waits for an answer before it goes on
+                wanted = "" if is_stack else slot.name
+                spokes = [
+                    spoke for spoke in self._seating.spokes if spoke.slot == wanted or self._overhears(spoke, slot)
+                ]
                 return all(host.is_connected(spoke, "" if is_stack else slot.ros_node) for spoke in spokes)
             case "after":
                 return self._now() - self._began[slot.name] >= float(one.value) * 1e9
             case "parameter":
-                return bool(host.graph.parameter(one.name) == one.value)
+                is_own = one.name.rpartition("/")[0] == slot.ros_node  # another domain may have a node of that name
+                name = within(one.name, slot.node.domain) if is_own else one.name
+                return bool(host.graph.parameter(name) == one.value)
             case "life":
                 return host.graph.lead(slot.graph_name, str(one.value))
             case "node":
@@ -127,6 +133,25 @@ class Readiness:
         state = host.graph.state()
         tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
         return any(table.get(within(one.name, slot.node.domain)) for table in tables)
+
+    def _is_pending(self, slot: ProcessSlot) -> bool:
+        """Whether a slot is waited for: not once it waits for an answer itself, and none has come for long.
+
+        Such a node has not all that it needs, since it goes on only then: it is waited for again once it is answered.
+        Time counts from when another node was ready, which may be about to answer.
+        """
+        now = self._now()
+        asked = [call for call in self._relay.calls if call.client == slot.name]
+        awaits = [now - max(self._asked.setdefault(call, now), self._progressed) > _EARLIEST for call in asked]
+        waiting = self._waiting.get(slot.name)
+        if waiting is None:  # it is not begun
+            return True
+        return bool(waiting) and not (any(awaits) and all(one.kind == "bound" for one in waiting))
+
+    def _overhears(self, spoke: Spoke, slot: ProcessSlot) -> bool:
+        """Whether the tester overhears there, in an abstract case, what a slot sends."""
+        senders = {self._host.binding.ends(channel)[0] for channel in spoke.channels if spoke.overheard}
+        return not spoke.slot and not senders.isdisjoint(slot.node.components)
 
     def complaint(self, late: list[tuple[ProcessSlot, ReadyWhen]]) -> HostFailure:
         """Return what is missing by now; `late` is what has not come in its time."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import cast
 
 from parcours.errors import HostFailure
+from parcours.run.binding.domains import domains, within
 from parcours.run.binding.in_transit import BEGINS, SCHEDULED, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import ProcessSlot, SlotPlan
@@ -45,7 +46,7 @@ class Session:
         host: entered.
         slot_plan: the nodes that are run.
         faults: what happens to messages and components, from the start of the case.
-        listener: called with each event as soon as it has happened.
+        listener: called with each event soon after it has happened, within the same `poll`.
 
     Attributes:
         relay: where messages pass.
@@ -107,6 +108,10 @@ class Session:
         while self.now() < until:
             self.poll(until)
         self._must_live()
+        if domains(self.host.binding):
+            self.readiness.looks()  # a bridge may have been found last
+        if self.host.binding.clock:
+            self._must_follow_clock()
         self.host.compile()
         self._watch_others()
         self.case_began = self.relay.case_began = self.now()
@@ -149,6 +154,14 @@ class Session:
                 rule = f"must live until the case begins, but: {process.how()}"
                 raise HostFailure(f"node {slot.name}", rule, slug="foreign-start")
 
+    def _must_follow_clock(self) -> None:
+        """Nodes that are not started here were not given `use_sim_time`."""
+        for slot in (one for one in self.slot_plan.slots if not one.node.is_ours and one.ros_node):
+            if self.host.graph.parameter(within(f"{slot.ros_node}/use_sim_time", slot.node.domain)) is False:
+                rule = f"{slot.graph_name} must take its time from /clock, but its use_sim_time is false"
+                remedy = "start it with --ros-args -p use_sim_time:=true"
+                raise HostFailure(f"node {slot.name}", rule, remedy, slug="ros2-sim-time")
+
     # Going on.
 
     def poll(self, until: int) -> None:
@@ -164,6 +177,7 @@ class Session:
             self.host.graph.spin(self.zero + (until if due is None else min(until, due)))
         self.horizon = min(self.drained, self._beat)
         self.relay.agenda.do_what_is_due()
+        self.relay.report()
         self._see_deaths()
 
     def _processes(self) -> Iterator[tuple[ProcessSlot, KeptProcess]]:
@@ -187,7 +201,7 @@ class Session:
         for one in self.slot_plan.slots if launched else ():
             if one.node in launched:
                 self._bury(one, f"{slot.name}, which started it, ended: {how}", when)
-        for component in slot.node.components:
+        for component in slot.node.components or (() if launched else (slot.node.name,)):
             name = slot.component(component)
             if name not in self.deaths:
                 self.deaths[name] = how
@@ -248,6 +262,7 @@ class Session:
     def end(self, *, keep: bool = False) -> None:
         """Relay no more, and end the processes; with `keep`, not those that may be used again."""
         self._over.set()
+        self.relay.report()
         self.relay.close()
         if self._canary is not None:
             self.host.graph.unwatch(self._line)

@@ -74,7 +74,8 @@ class Ros2Graph:
         self.environment: Mapping[str, str] = {}
         self.binding = binding
         self._parameters: dict[str, Value] = {}
-        self._ends: dict[str, TopicEnd] = {}
+        self._published: dict[str, PublishedTopic] = {}
+        self._listeners: list[Listener] = []
         self._callers: dict[str, ServiceCaller] = {}
         self._served: set[str] = set()
         self._looked = 0
@@ -114,7 +115,7 @@ class Ros2Graph:
         if self._is_new:
             self._is_new = False
             return
-        for table in (self._ends, self._callers, self._served):
+        for table in (self._published, self._listeners, self._callers, self._served):
             table.clear()
         self.participant.close()
         self._join()
@@ -128,14 +129,15 @@ class Ros2Graph:
 
     def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> PublishedTopic:
         """Publish a topic as soon as somebody listens."""
-        end = self._ends.get(topic)
-        if not isinstance(end, PublishedTopic):
-            end = self._ends[topic] = PublishedTopic(self, topic, type_, queue, latch, like)
+        end = self._published.get(topic)
+        if end is None:
+            end = self._published[topic] = PublishedTopic(self, topic, type_, queue, latch, like)
         return end
 
     def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> Listener:
         """Call `heard` with each message of a topic."""
-        end = self._ends[topic] = Listener(self, topic, type_, heard)
+        end = Listener(self, topic, type_, heard)
+        self._listeners.append(end)
         return end
 
     def serve(self, service: str, type_: str, asked: Callable[[bytes, Reply], None]) -> None:
@@ -153,8 +155,8 @@ class Ros2Graph:
 
     def leave(self, topic: str) -> None:
         """Publish a topic no longer."""
-        end = self._ends.pop(topic, None)
-        if isinstance(end, PublishedTopic):
+        end = self._published.pop(topic, None)
+        if end is not None:
             end.close()
 
     def knows_service(self, type_: str) -> bool:
@@ -188,7 +190,8 @@ class Ros2Graph:
         now = time.perf_counter_ns()
         if now - self._looked >= _LOOK:
             self._looked = now
-            for end in list(self._ends.values()):
+            ends: tuple[TopicEnd, ...] = (*self._published.values(), *self._listeners)
+            for end in ends:
                 end.looks()
 
     def watch(self, descriptor: int, ready: Callable[[], None]) -> None:
@@ -247,10 +250,11 @@ class Ros2Graph:
 
     def require_alone(self) -> None:
         """Raise HostFailure if nodes are there already; those with names of the binding are looked at later."""
-        until, own = time.perf_counter_ns() + _LISTEN, {node.ros_node for node in self.binding.nodes}
+        until = time.perf_counter_ns() + _LISTEN
         while time.perf_counter_ns() < until:
             self.spin(until)
-        for one in self._domains.values():
+        for domain, one in self._domains.items():
+            own = {node.ros_node for node in self.binding.nodes if node.domain == domain}
             if strangers := sorted({full_name(*name) for name in _nodes(one)} - own):
                 raise occupied(one.domain, strangers)
 
@@ -335,7 +339,8 @@ class Ros2Graph:
         name, domain = parted(key)
         owner = _owner(name)
         if domain is None:
-            domain = next((one.domain for one in self.binding.nodes if one.ros_node == owner), None)
+            there = [one.domain for one in self.binding.nodes if one.ros_node == owner]
+            domain = None if None in there or not there else there[0]
         participant, asked = self._domains[domain], f"{owner}/{service}"
         client = participant.inquire(kind, asked, lambda number, answer: answers.append(answer))
         until, is_sent = time.perf_counter_ns() + int(_ANSWER * 1e9), False

@@ -1,0 +1,181 @@
+"""Compiles kernels: those that only other kernels call are translated, and optimised where they are called from.
+
+Numba optimises every function together with all that it calls, and again with every caller up to the top: of a chain
+of ten, the last is optimised ten times. Here a kernel has two forms. Python calls the outer one, machine code of the
+kernel with all that it calls, optimised once. Kernels call the inner one, which nothing has optimised yet:
+
+    Python --> outer a                  machine code
+                  | inner b             linked into a, then optimised with it
+                  |    | inner c        linked into b, and so into a
+
+Both are kept on disk: another outer kernel finds the inner ones there. Copies of inner kernels belong to one outer
+kernel alone: the compiler may shape them as their callers need them, which it may not with what other code could call
+(a tenth of the time of a planner of some hundred kernels).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import llvmlite.binding as llvm
+from numba.core import config, sigutils, types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
+
+D = TypeVar("D", bound=CPUDispatcher)
+
+
+class _OnDisk(FunctionCache):  # type: ignore[misc]
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        """Return what is kept for arguments of these types, without loading what only compiling needs.
+
+        That would take a fifth of a start.
+        """
+        rtsys.initialize(target_context)  # the symbols that code of kernels refers to
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+        return None
+
+
+class Kernel:
+    """A kernel as Python calls it; what compiles it is made when it is needed: of hundreds, a command calls ten.
+
+    Args:
+        function: the source.
+        options: those of `numba.njit`.
+    """
+
+    def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func, self._options, self._folder = function, {**options, "nopython": True}, config.CACHE_DIR
+
+    def __call__(self, *arguments: object, **named: object) -> object:
+        """Run the machine code."""
+        return self._outer(*arguments, **named)
+
+    def __reduce__(self) -> str | tuple[Any, ...]:
+        name: str = self.py_func.__qualname__
+        return (Kernel, (self.py_func, self._options)) if "<locals>" in name else name
+
+    @functools.cached_property
+    def _outer(self) -> _Outer:
+        outer = _Outer(self.py_func, targetoptions=self._options, pipeline_class=_WholeCompiler)
+        return self._kept(outer, _OnDisk)
+
+    @functools.cached_property
+    def _inner(self) -> _Inner:
+        inner = _Inner(self.py_func, targetoptions=self._options, pipeline_class=_LinkedCompiler)
+        return self._kept(inner, _LinkedOnDisk)
+
+    @property
+    def _numba_type_(self) -> types.Type:  # by which the compiler knows what it is, in kernels that call it
+        return types.Dispatcher(self._inner)
+
+    def _kept(self, compiled: D, on_disk: type[FunctionCache]) -> D:
+        """Let compiled code be kept where it was to be when the kernel was defined."""
+        now, config.CACHE_DIR = config.CACHE_DIR, self._folder
+        try:
+            compiled._cache = on_disk(self.py_func)
+        finally:
+            config.CACHE_DIR = now
+        return compiled
+
+
+class _Outer(CPUDispatcher):  # type: ignore[misc]
+    """Machine code of kernels that Python calls."""
+
+    def add_overload(self, cres: CompileResult) -> None:
+        """Add it, and let it know the environments of inner kernels, which have no code of their own."""
+        for environment in cres._find_referenced_environments():
+            cres.codegen.set_env(environment.env_name, environment)
+        super().add_overload(cres)
+
+
+class _Whole(JITCodeLibrary):  # type: ignore[misc]
+    """Code of an outer kernel with all that it calls."""
+
+    def _optimize_final_module(self) -> None:
+        """Optimise it, knowing that what was linked in is called from here only."""
+        for function in self._final_module.functions:
+            if function.linkage == llvm.Linkage.linkonce_odr:
+                function.linkage = llvm.Linkage.internal
+        super()._optimize_final_module()
+
+
+class _WholeCompiler(Compiler):  # type: ignore[misc]
+    def compile_extra(self, func: Callable[..., object]) -> CompileResult:
+        """Compile for Python, and let the machine code be kept."""
+        self.state.library = _Whole(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(func)
+
+
+class _Linked(JITCodeLibrary):  # type: ignore[misc]
+    """Code of an inner kernel with all that it calls: neither optimised nor loaded."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave that to the outer kernel."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Return it as it is: there is no object code."""
+        state: tuple[str, str, bytes] = self.serialize_using_bitcode()
+        return state
+
+
+class _LinkedFile(CompileResultCacheImpl):  # type: ignore[misc]
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        """Return the name of a file beside that of the outer kernel."""
+        return f"inner-{super().get_filename_base(fullname, abiflags)}"
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+        """Return what was kept."""
+        (name, _, bitcode), fndesc, env, signature, objectmode, lifted, typeann, reload_init, environments = payload
+        library = _Linked(target_context.codegen(), name)
+        library._final_module = llvm.parse_bitcode(bitcode)
+        library._finalize_final_module()
+        return CompileResult(
+            target_context=target_context, typing_context=target_context.typing_context, library=library,
+            environment=env, entry_point=None, fndesc=fndesc, type_annotation=typeann, signature=signature,
+            objectmode=objectmode, lifted=lifted, typing_error=None, call_helper=None, metadata=None,
+            reload_init=reload_init, referenced_envs=environments,
+        )  # fmt: skip
+
+
+class _LinkedOnDisk(_OnDisk):
+    _impl_class = _LinkedFile
+
+
+class _LinkedCompiler(Compiler):  # type: ignore[misc]
+    def compile_extra(self, func: Callable[..., object]) -> CompileResult:
+        """Compile for other kernels, nothing that Python could call."""
+        self.state.flags.no_compile = self.state.flags.no_cpython_wrapper = True
+        self.state.library = _Linked(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
+
+
+class _Inner(CPUDispatcher):  # type: ignore[misc]
+    """A kernel as other kernels call it."""
+
+    def compile(self, sig: Any) -> object:
+        """Return the token by which callers find the code for arguments of these types."""
+        with global_compiler_lock, self._compiling_counter:
+            arguments, returned = sigutils.normalize_signature(sig)
+            known = self.overloads.get(tuple(arguments))
+            if known is None:
+                kept = self._cache.load_overload(sig, self.targetctx)
+                known = (kept or self._compiler.compile(arguments, returned))._replace(entry_point=object())
+                self.targetctx.insert_user_function(known.entry_point, known.fndesc, [known.library])
+                self.overloads[tuple(arguments)] = known
+                if kept is None:
+                    self._cache.save_overload(sig, known)
+            return known.entry_point

@@ -1,0 +1,109 @@
+"""Kernels that only kernels call are translated, not optimised; what is on disk is used without a compiler."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+KERNELS = """
+import json, pickle, sys
+from llvmlite.binding import Linkage
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.dispatcher import _FunctionCompiler
+from parcours.kernels import kernel
+
+optimised, translated, shared = [], [], []
+optimise, translate = CPUCodeLibrary._optimize_final_module, _FunctionCompiler.compile
+
+def noted(self):
+    optimised.append(self.name)
+    optimise(self)
+    functions = [one for one in self._final_module.functions if not one.is_declaration]
+    shared.extend(one.name for one in functions if one.linkage == Linkage.linkonce_odr)
+
+def noting(self, arguments, returned):
+    translated.append(self.py_func.__name__)
+    return translate(self, arguments, returned)
+
+CPUCodeLibrary._optimize_final_module, _FunctionCompiler.compile = noted, noting
+
+@kernel
+def innermost(x):
+    if x < 0.0:
+        raise ValueError("below zero")
+    return x * 3.0
+
+@kernel
+def inner(x, more=1.0):
+    return innermost(x) + more
+
+@kernel
+def outer(x):
+    return inner(x) * 2.0
+
+@kernel
+def other(x):
+    return inner(x, 4.0)
+
+def made(factor):
+    @kernel
+    def within(x):
+        return x * factor
+
+    @kernel
+    def around(x):
+        return within(x) + 1.0
+
+    return around
+
+def tell(*results):
+    names = [name for name in ("innermost", "inner", "outer", "other", "within", "around") if name in optimised]
+    loaded = "numba.np.linalg" in sys.modules
+    told = {"results": results, "optimised": names, "translated": translated, "shared": shared, "loaded": loaded}
+    print(json.dumps(told))
+"""
+
+
+def told(folder: Path, call: str) -> dict[str, object]:
+    """Return what a process of its own says of these kernels, once it has called some."""
+    if not (folder / "chain.py").exists():
+        (folder / "chain.py").write_text(KERNELS)
+    done = subprocess.run(
+        [sys.executable, "-c", f"from chain import *\n{call}"], cwd=folder, capture_output=True, text=True, check=True,
+        env={**os.environ, "PARCOURS_CACHE_DIR": str(folder / "kept")}, timeout=300,
+    )  # fmt: skip
+    said: dict[str, object] = json.loads(done.stdout)
+    return said
+
+
+def test_only_what_python_calls_is_optimised_and_the_rest_is_translated_once(tmp_path: Path) -> None:
+    first = told(tmp_path, "tell(outer(2.0))")
+    assert first["results"] == [14.0] and first["optimised"] == ["outer"]
+    assert sorted(first["translated"]) == ["inner", "innermost", "outer"]  # type: ignore[call-overload]
+    assert first["shared"] == [], "machine code that the compiler must keep as others may call it"
+    again = told(tmp_path, "tell(outer(2.0))")
+    assert again == {"results": [14.0], "optimised": [], "translated": [], "shared": [], "loaded": False}
+    assert again["loaded"] != first["loaded"], "what only compiling needs"
+    third = told(tmp_path, "tell(other(2.0), inner(2.0, more=5.0))")
+    assert third["results"] == [10.0, 11.0] and third["optimised"] == ["inner", "other"]
+    assert "innermost" not in third["translated"]  # type: ignore[operator]
+
+
+def test_an_error_of_an_inner_kernel_and_its_pickles_are_those_of_any_function(tmp_path: Path) -> None:
+    call = """
+try:
+    outer(-1.0)
+except ValueError as error:
+    tell(str(error), pickle.loads(pickle.dumps(inner)) is inner, inner.__doc__, outer.py_func(1.0))
+"""
+    for _ in range(2):
+        assert told(tmp_path, call)["results"] == ["below zero", True, None, 8.0]
+
+
+def test_kernels_that_a_function_makes_are_kept_by_what_they_close_over(tmp_path: Path) -> None:
+    assert told(tmp_path, "tell(made(2.0)(3.0), made(5.0)(3.0))")["results"] == [7.0, 16.0]
+    again = told(tmp_path, "tell(made(2.0)(3.0), made(5.0)(3.0), made(7.0)(3.0))")
+    assert again["results"] == [7.0, 16.0, 22.0]
