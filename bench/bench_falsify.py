@@ -1,6 +1,6 @@
 """Prints how many simulations `parcours falsify` takes to the first collision, on mutants of RAMP's guard.
 
-python bench/bench_falsify.py [--seeds 50] [--budget 3000] [--mutants 3] [--peers]   # peers: pip install psy-taliro
+python bench/bench_falsify.py [--seeds 50] [--budget 3000] [--rungs 1 2 3] [--peers]   # peers: pip install psy-taliro
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=50)
     parser.add_argument("--budget", type=int, default=3000)
-    parser.add_argument("--mutants", type=int, default=3, help="how many rungs of the ladder, from the first")
+    parser.add_argument("--rungs", type=int, nargs="+", default=[1, 2, 3], choices=range(1, len(MUTANTS) + 1),
+                        help="of the ladder of mutants, from 1")
+    parser.add_argument("--methods", nargs="+", default=get_args(Method), choices=get_args(Method))
     parser.add_argument("--peers", action="store_true", help="others instead of ours")
     given = parser.parse_args()
-    ways: dict[str, Callable[[str, int, int], tuple[int, bool]]] = {one: partial(ours, one) for one in get_args(Method)}
+    ways: dict[str, Callable[[str, int, int], tuple[int, bool]]] = {one: partial(ours, one) for one in given.methods}
     if given.peers:
         from falsify_peers import PEERS, simulations
 
@@ -50,7 +52,8 @@ def main() -> None:
         "| what is changed of `guarded` | collides | method | found by | simulations to the first: median [quartiles] |"
     )
     print("|---|---|---|---|---|")
-    for mutant, (_, rate) in list(MUTANTS.items())[: given.mutants]:
+    ladder = [*MUTANTS.items()]
+    for mutant, (_, rate) in (ladder[rung - 1] for rung in given.rungs):
         for method, way in ways.items():
             began = time.process_time()
             runs = [way(mutant, seed, given.budget) for seed in range(1, given.seeds + 1)]

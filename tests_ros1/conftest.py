@@ -22,7 +22,7 @@ from parcours_ramp.planner.wire import FORMS
 
 def patient(binding: Path) -> None:
     """Give the nodes of a binding all the time that they may need to start on a busy machine."""
-    text, n = re.subn(r"^( +)(ros_node: \S+)$", r"\1\2\n\1timeout: 30 s", binding.read_text(), flags=re.MULTILINE)
+    text, n = re.subn(r"^( +)(ros_node: \S+)$", r"\1\2\n\1timeout: 120 s", binding.read_text(), flags=re.MULTILINE)
     assert n > 0
     binding.write_text(text)
 

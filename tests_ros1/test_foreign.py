@@ -197,7 +197,7 @@ parcours: binding/1
 name: gauge
 model: model.yaml
 transport: ros1
-nodes: {Gauge: {command: [/usr/bin/python3, gauge.py], ros_node: /gauge, timeout: 30 s, env: {PYTHONPATH: "%s"}}}
+nodes: {Gauge: {command: [/usr/bin/python3, gauge.py], ros_node: /gauge, timeout: 120 s, env: {PYTHONPATH: "%s"}}}
 channels: {level: {topic: /level, type: gauge_msgs/Level, fields: {level: "mm[0] * 0.001"}}}
 """
 GAUGE = """

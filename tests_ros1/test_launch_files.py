@@ -41,9 +41,9 @@ nodes:
     components: []
     env: {{PATH: "/usr/bin:/bin", ROS_PACKAGE_PATH: "{folder}"}}
     stop: 10 s
-  ObstacleFilter: {{running: true, ros_node: /obstacle_filter, after: [Launch]}}
-  Planner: {{running: true, ros_node: /avoider, after: [Launch]}}
-  Follower: {{running: true, ros_node: /follower, after: [Launch]}}
+  ObstacleFilter: {{running: true, ros_node: /obstacle_filter, after: [Launch], timeout: 120 s}}
+  Planner: {{running: true, ros_node: /avoider, after: [Launch], timeout: 120 s}}
+  Follower: {{running: true, ros_node: /follower, after: [Launch], timeout: 120 s}}
 
 quiescence: 3 s
 """

@@ -87,7 +87,7 @@ LAUNCHED = """  Launch:
     ros_node: /sensor
     domain: 68
     after: [Launch]
-    timeout: 60 s
+    timeout: 120 s
 """
 
 

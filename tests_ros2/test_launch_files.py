@@ -28,7 +28,7 @@ nodes:
   Launch: {command: [sh, launch.sh], components: []}
   ObstacleFilter: {running: true, ros_node: /obstacle_filter, after: [Launch]}
   Planner: {running: true, ros_node: /avoider, after: [Launch]}
-  Follower: {running: true, ros_node: /follower, after: [Launch], timeout: 60 s}
+  Follower: {running: true, ros_node: /follower, after: [Launch], timeout: 120 s}
 
 quiescence: 5 s
 """

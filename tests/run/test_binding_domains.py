@@ -94,7 +94,7 @@ def test_a_bridge_without_components_is_run_in_abstract_cases_and_notices_of_it_
 
 
 def test_a_bridge_that_does_what_the_tester_does_is_named() -> None:
-    binding = bound(BRIDGE, ("timeout: 60 s", "remap: false"))
+    binding = bound(BRIDGE, ("timeout: 120 s", "remap: false"))
     there = {"/reading@68": ["/bridge_68"], "/reading@69": ["/display"], "/tick@68": ["/sensor"]}
     says = {"/reading@68": ["/sensor"], "/shown@69": ["/display"]}
     alone, beside = (

@@ -25,7 +25,7 @@ Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | tuple[tuple[s
 Constant: TypeAlias = "bool | int | float | str"
 
 
-START = 20.0
+START = 60.0
 """How long a node that says nothing else may take to start [s]; a graph that lacks something is complete earlier."""
 
 
