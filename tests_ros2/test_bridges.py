@@ -129,7 +129,7 @@ def refusal(host: ForeignHost) -> HostFailure | None:
 
 
 def test_a_bridge_beside_the_tester_would_say_all_twice_and_is_named(binding: Path, tmp_path: Path) -> None:
-    bridged(binding, ("    timeout: 120 s\n", "    timeout: 60 s\n    remap: false\n"))
+    bridged(binding, ("    timeout: 120 s\n", "    timeout: 120 s\n    remap: false\n"))
     with ForeignHost(read_binding(binding), tmp_path) as host:  # discovery of one of its ends may come too late
         error = next(filter(None, (refusal(host) for _ in range(10))))
     assert error.slug == "bridged-twice"
