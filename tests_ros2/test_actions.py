@@ -45,7 +45,7 @@ def errand(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 def without(node: str, file: Path) -> Binding:
     text = file.read_text()
     begin = text.index(f"  {node}:\n    command")
-    file.write_text(text[:begin] + text[text.index("60 s\n", begin) + 5 :])
+    file.write_text(text[:begin] + text[text.index("120 s\n", begin) + 6 :])
     return read_binding(file)
 
 

@@ -55,8 +55,8 @@ def test_check_live_compares_what_is_running_and_names_what_is_not(counter: Path
     assert (fine.returncode, "the running system has all that is bound" in fine.stdout) == (0, True), fine.stderr
     wrong = counter / "wrong.yaml"
     text = (counter / "binding.yaml").read_text().replace("topic: /bill", "topic: /bil")
-    for limit in ("6 s", "60 s"):  # What is absent is waited for to the end; on a busy machine nodes start later.
-        wrong.write_text(text.replace("60 s", limit))
+    for limit in ("6 s", "120 s"):  # What is absent is waited for to the end; on a busy machine nodes start later.
+        wrong.write_text(text.replace("120 s", limit))
         said = parcours(counter, "binding", "check", "wrong.yaml", "--live")
         if "did you mean '/bill'?" in said.stderr:
             break
