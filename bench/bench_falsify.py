@@ -37,8 +37,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=50)
     parser.add_argument("--budget", type=int, default=3000)
-    parser.add_argument("--rungs", type=int, nargs="+", default=[1, 2, 3], choices=range(1, len(MUTANTS) + 1),
-                        help="of the ladder of mutants, from 1")
+    parser.add_argument(
+        "--rungs",
+        type=int,
+        nargs="+",
+        default=[1, 2, 3],
+        choices=range(1, len(MUTANTS) + 1),
+        help="of the ladder of mutants, from 1",
+    )
     parser.add_argument("--methods", nargs="+", default=get_args(Method), choices=get_args(Method))
     parser.add_argument("--peers", action="store_true", help="others instead of ours")
     given = parser.parse_args()

@@ -16,6 +16,7 @@ kernel alone: the compiler may shape them as their callers need them, which it m
 from __future__ import annotations
 
 import functools
+import gc
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -113,7 +114,13 @@ class _WholeCompiler(Compiler):  # type: ignore[misc]
         """Compile for Python, and let the machine code be kept."""
         self.state.library = _Whole(self.state.targetctx.codegen(), func.__qualname__)
         self.state.library.enable_object_caching()
-        return super().compile_extra(func)
+        collects = gc.isenabled()
+        gc.disable()  # it would look through all that the compiler keeps again and again, a tenth of the time
+        try:
+            return super().compile_extra(func)
+        finally:
+            if collects:
+                gc.enable()
 
 
 class _Linked(JITCodeLibrary):  # type: ignore[misc]

@@ -52,11 +52,14 @@ def kernel_cache() -> Path:
     digest = hashlib.sha256()
     for library in ("numba", "llvmlite", "numpy") if IS_COMPILED else ():
         digest.update(version(library).encode() + b"\0")
-    packages = sorted(_PACKAGE.parent.glob(f"{_PACKAGE.name}*/"))  # those that came with this one
-    for source in (path for package in packages for path in sorted(package.rglob("*.py"))):
-        text = source.read_bytes()
-        if b"kernel" in text or b"dtype" in text:
-            digest.update(text + b"\0")
+    for package in sorted(_PACKAGE.parent.glob(f"{_PACKAGE.name}*/")):  # those that came with this one
+        for folder, folders, names in os.walk(package):
+            folders.sort()
+            for name in sorted(name for name in names if name.endswith(".py")):
+                with open(f"{folder}/{name}", "rb", buffering=0) as source:  # noqa: PTH123 - every start waits for it
+                    text = source.read()
+                if b"kernel" in text or b"dtype" in text:
+                    digest.update(text + b"\0")
     home = os.environ.get("PARCOURS_CACHE_DIR")
     base = Path(home) if home else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parcours"
     return base / f"kernels-{digest.hexdigest()[:16]}"

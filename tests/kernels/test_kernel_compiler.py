@@ -9,17 +9,18 @@ import sys
 from pathlib import Path
 
 KERNELS = """
-import json, pickle, sys
+import gc, json, pickle, sys
 from llvmlite.binding import Linkage
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.dispatcher import _FunctionCompiler
 from parcours.kernels import kernel
 
-optimised, translated, shared = [], [], []
+optimised, translated, shared, collected = [], [], [], []
 optimise, translate = CPUCodeLibrary._optimize_final_module, _FunctionCompiler.compile
 
 def noted(self):
     optimised.append(self.name)
+    collected.append(gc.isenabled())
     optimise(self)
     functions = [one for one in self._final_module.functions if not one.is_declaration]
     shared.extend(one.name for one in functions if one.linkage == Linkage.linkonce_odr)
@@ -90,6 +91,16 @@ def test_only_what_python_calls_is_optimised_and_the_rest_is_translated_once(tmp
     third = told(tmp_path, "tell(other(2.0), inner(2.0, more=5.0))")
     assert third["results"] == [10.0, 11.0] and third["optimised"] == ["inner", "other"]
     assert "innermost" not in third["translated"]  # type: ignore[operator]
+
+
+def test_garbage_is_not_collected_while_a_kernel_is_compiled_and_after_that_as_before(tmp_path: Path) -> None:
+    call = """
+gc.disable()
+first, ran = outer(2.0), gc.isenabled()
+gc.enable()
+tell(first, other(2.0), ran, gc.isenabled(), any(collected), len(collected) > 1)
+"""
+    assert told(tmp_path, call)["results"] == [14.0, 10.0, False, True, False, True]
 
 
 def test_an_error_of_an_inner_kernel_and_its_pickles_are_those_of_any_function(tmp_path: Path) -> None:
