@@ -40,8 +40,9 @@ Integers = NDArray[np.int64]
 
 _PURPOSE = 0x73706C6974  # of the streams from which cases are drawn and moved (ASCII for `split`)
 REPEATS = 10
-SHARE = 0.1  # of the pilot's cases that pass a level; a fifth of it at first, so that as many pass
-FIRST = 5  # times as many cases are drawn at first as are moved at each level
+SHARE = 0.02  # of the pilot's cases that pass a level; a third of it at first, so that as many pass
+_FEWEST = 5  # cases of the pilot that pass, however few there are
+FIRST = 3  # times as many cases are drawn at first as are moved at each level
 MOST_LEVELS = 40
 _LEAST = 25  # cases of a repeat
 _PILOT, _PILOT_BUDGET = 0.01, 0.35  # cases of the pilot, and what it may take in all, as shares of the budget
@@ -202,7 +203,7 @@ class _Flight:
     def _find(self, levels: list[float], far: Floats) -> bool:
         """Add the next level of the pilot if there are cases below the last one; return whether to go on."""
         above = levels[-1] if levels else math.inf
-        level = float(np.sort(far)[math.ceil(SHARE * self._descent.n) - 1])
+        level = float(np.sort(far)[max(math.ceil(SHARE * self._descent.n), _FEWEST) - 1])
         if level >= above:  # many are equally near
             level = float(far[far < above].max(initial=-math.inf))
         if self._simulated >= self._descent.most or len(levels) == MOST_LEVELS - 1:  # this is as far as it goes
