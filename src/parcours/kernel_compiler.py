@@ -28,6 +28,7 @@ from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
+from numba.core.types.misc import unliteral
 
 D = TypeVar("D", bound=CPUDispatcher)
 
@@ -172,6 +173,11 @@ class _LinkedCompiler(Compiler):  # type: ignore[misc]
 
 class _Inner(CPUDispatcher):  # type: ignore[misc]
     """A kernel as other kernels call it."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Look for code for arguments of these types, whatever constants they are."""
+        plain = {name: unliteral(one) for name, one in kws.items()}
+        return super().get_call_template(tuple(map(unliteral, args)), plain)
 
     def compile(self, sig: Any) -> object:
         """Return the token by which callers find the code for arguments of these types."""

@@ -49,6 +49,14 @@ def outer(x):
 def other(x):
     return inner(x, 4.0)
 
+@kernel
+def times(x, n, is_less):
+    return x * n - is_less
+
+@kernel
+def thrice(x, n):
+    return times(x, 1, True) + times(x, 2, False) + times(x, n, n > 0)
+
 def made(factor):
     @kernel
     def within(x):
@@ -101,6 +109,11 @@ gc.enable()
 tell(first, other(2.0), ran, gc.isenabled(), any(collected), len(collected) > 1)
 """
     assert told(tmp_path, call)["results"] == [14.0, 10.0, False, True, False, True]
+
+
+def test_constants_of_one_type_share_their_code(tmp_path: Path) -> None:
+    said = told(tmp_path, "tell(thrice(2.0, 3))")
+    assert said["results"] == [10.0] and sorted(said["translated"]) == ["thrice", "times"]  # type: ignore[call-overload]
 
 
 def test_an_error_of_an_inner_kernel_and_its_pickles_are_those_of_any_function(tmp_path: Path) -> None:
