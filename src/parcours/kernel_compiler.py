@@ -175,7 +175,7 @@ class _Inner(CPUDispatcher):  # type: ignore[misc]
     """A kernel as other kernels call it."""
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Look for code for arguments of these types, whatever constants they are."""
+        """Find or compile code for the types of the arguments alone: constants get no copy of their own."""
         plain = {name: unliteral(one) for name, one in kws.items()}
         return super().get_call_template(tuple(map(unliteral, args)), plain)
 

@@ -4,25 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from parcours.run.binding import Binding, RegisteredGraph, check_binding, graph_findings, parse_binding
+from edited_bindings import bound, edited
+from parcours.run.binding import RegisteredGraph, check_binding, graph_findings
 from parcours.run.binding.domains import at_home
 from parcours.run.binding.slots import apart, whole
 
 ROOT = Path(__file__).parents[2]
 ROS1, ROS2 = (ROOT / "examples" / name / "binding.yaml" for name in ("ros1_python", "ros2_python"))
 FLEET, BRIDGE = (ROOT / "tests_ros2" / name / "binding.yaml" for name in ("fleet", "bridge"))
-
-
-def edited(path: Path, *changes: tuple[str, str]) -> str:
-    text = path.read_text(encoding="utf-8")
-    for given, instead in changes:
-        assert given in text
-        text = text.replace(given, instead)
-    return text
-
-
-def bound(path: Path, *changes: tuple[str, str]) -> Binding:
-    return parse_binding(edited(path, *changes), str(path))
 
 
 def rules(path: Path, *changes: tuple[str, str]) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from edited_bindings import bound, edited
 from message_classes import defined_types
 from parcours.errors import BadRequest
 from parcours.model import check_file
@@ -19,7 +20,6 @@ from parcours.run.binding import (
     check_binding,
     compile_binding,
     graph_findings,
-    parse_binding,
     read_binding,
     remappings,
     routes,
@@ -49,18 +49,6 @@ DEFINITIONS = {
     "---\nPath plan",
 }
 TYPES = defined_types(DEFINITIONS)
-
-
-def edited(path: Path, *changes: tuple[str, str]) -> str:
-    text = path.read_text(encoding="utf-8")
-    for given, instead in changes:
-        assert given in text
-        text = text.replace(given, instead)
-    return text
-
-
-def bound(path: Path, *changes: tuple[str, str]) -> Binding:
-    return parse_binding(edited(path, *changes), str(path))
 
 
 @pytest.mark.parametrize("path", [PYTHON, CPP, RAMP], ids=lambda path: path.parent.name + "/" + path.name)
