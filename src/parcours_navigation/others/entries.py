@@ -116,7 +116,7 @@ def read_others(entry: Mapping[str, Any], where: str = "others", folder: Path | 
         require_known(str(name), sorted(own | shared), f"{where}, key", slug="others-key")
     for each in fields(kind):
         if each.name not in given and each.default is MISSING and each.default_factory is MISSING:
-            rule = f"others that move by {named} must have the key {each.name!r}, but these have not"
+            rule = f"others that move by {named} must have the key {each.name!r}, but these do not"
             raise BadRequest(where, rule, "add it: docs/others.md says what it is", slug="others-key")
     try:
         if kind is Recorded and isinstance(given.get("tracks"), str):

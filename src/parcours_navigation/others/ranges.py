@@ -56,8 +56,8 @@ def require_start(number: float, places: tuple[Point, ...], area: Box | None, *,
     if area is not None:
         require_box("area", area)
     elif is_needed and not places:
-        rule = "they must begin somewhere, but have neither area nor places, nor the ground bounds"
-        raise BadRequest("others", rule, "give them an area or places, or the ground bounds", slug="others-range")
+        rule = "they must begin somewhere, but have neither an area nor places, and the ground has no bounds"
+        raise BadRequest("others", rule, "give them an area or places, or give the ground bounds", slug="others-range")
 
 
 def require_box(what: str, box: object, of: tuple[str, str] = _OTHERS) -> None:

@@ -153,7 +153,7 @@ def test_an_entry_of_a_world_file_is_read(tmp_path: Path) -> None:
         ({"motion": "orca", "area": 3}, r"others 2, area: it must be x_low, y_low, x_high, y_high, but is 3"),
         (
             {"motion": "orca", "area": None},
-            r"others 2: they must begin somewhere, but have neither area nor places, nor the ground bounds; give",
+            r"others 2: they must begin somewhere, but have neither an area nor places, and the ground has no bounds",
         ),
         ({"motion": "orca", "area": None, "places": [[0, 0]]}, r"others 2: they must have goals"),
         ({"motion": "orca", "goals": [[0, 0, 0]]}, r"others 2, goals, point 1: a point must be two numbers"),
@@ -163,7 +163,7 @@ def test_an_entry_of_a_world_file_is_read(tmp_path: Path) -> None:
         ({"motion": "social-force", "nearest": 99}, r"others 2, nearest: it must lie in 0 to 32, but is 99"),
         (
             {"motion": "waypoints"},
-            r"others 2: others that move by waypoints must have the key 'points', but these have not; add it",
+            r"others 2: others that move by waypoints must have the key 'points', but these do not; add it",
         ),
         ({"motion": "waypoints", "points": []}, r"others 2, points: there must be a waypoint"),
         ({"motion": "constant-velocity", "at_walls": "jump"}, r"others 2, at_walls: must be a known name"),
