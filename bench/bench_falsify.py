@@ -14,7 +14,8 @@ from typing import get_args
 import numpy as np
 from bench_rare import MUTANTS, search_of
 
-from parcours.study.falsifying import Method, Search, falsify
+from parcours.study.falsifying import Search, falsify
+from parcours.study.samplers import Method
 
 
 def ours(method: Method, mutant: str, seed: int, budget: int) -> tuple[int, bool]:

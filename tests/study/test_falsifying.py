@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from numpy.typing import NDArray
 from input_axes import AXES
 from parcours.data import InputModel, parse_input_model
 from parcours.errors import BadRequest
-from parcours.study.falsifying import Cube, Falsified, Method, falsify
+from parcours.study.cube import Cube
+from parcours.study.falsifying import Falsified, falsify
+from parcours.study.samplers import Method
 
 Floats = NDArray[np.float64]
 
@@ -40,24 +43,26 @@ def ran(search: Bowl, seed: int, method: Method = "evolution", budget: int = 200
     return falsify(search, seed=seed, budget=budget, progress=lambda what, done, all: None, method=method, cause=cause)
 
 
-def test_evolution_finds_in_hundreds_of_simulations_what_random_cases_find_in_thousands() -> None:
-    guided = [ran(Bowl(0.03), seed) for seed in range(10)]
+@pytest.mark.parametrize("method", ["evolution", "cma-es"])
+def test_a_guided_search_finds_in_hundreds_of_simulations_what_random_cases_find_in_thousands(method: Method) -> None:
+    guided = [ran(Bowl(0.03), seed, method) for seed in range(10)]
     assert all(one.cause == "too near" and one.robustness < 0.0 for one in guided)
     assert np.median([one.simulations for one in guided]) < 500
     assert sum(not ran(Bowl(0.03), seed, "random").cause for seed in range(10)) >= 6
 
 
-def test_a_search_ends_with_its_budget_counts_what_it_simulates_and_repeats_itself() -> None:
+@pytest.mark.parametrize("method", get_args(Method))
+def test_a_search_ends_with_its_budget_counts_what_it_simulates_and_repeats_itself(method: Method) -> None:
     search = Bowl(-1.0)  # never
-    found = ran(search, 3, budget=101)
-    assert (found.cause, found.simulations, sum(map(len, search.seen))) == ("", 101, 101)
-    assert ran(Bowl(-1.0), 3, budget=101) == found != ran(Bowl(-1.0), 4, budget=101)
-    assert ran(Bowl(2.0), 3).simulations == 1 and ran(Bowl(2.0), 3, cause="other").simulations == 2000
+    found = ran(search, 3, method, 701)
+    assert (found.cause, found.simulations, sum(map(len, search.seen))) == ("", 701, 701)
+    assert ran(Bowl(-1.0), 3, method, 701) == found != ran(Bowl(-1.0), 4, method, 701)
+    assert ran(Bowl(2.0), 3, method).simulations == 1 and ran(Bowl(2.0), 3, method, cause="other").simulations == 2000
 
 
 def test_cases_lie_in_their_domains_and_meet_the_constraints() -> None:
     given = parse_input_model(AXES + "constraints: {near: {row: a + b < 3}}\n", "axes")
-    for method in ("evolution", "random"):
+    for method in get_args(Method):
         search = Bowl(-1.0, given)
         ran(search, 1, method, 400)
         seen = np.concatenate(search.seen)

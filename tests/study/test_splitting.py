@@ -17,7 +17,7 @@ from parcours.data.drawing import draw
 from parcours.data.selecting import select
 from parcours.errors import BadRequest
 from parcours.streams import starts, uniforms
-from parcours.study.falsifying import Cube
+from parcours.study.cube import Cube
 from parcours.study.splitting import FAILS, Descent, Rarity, _Flight, estimate, rarity
 from parcours.verdict.statistics import mean_of_log_normal
 

@@ -13,7 +13,7 @@ from parcours.cli.options import PATH, as_json, choice, count, print_json, seed,
 @click.argument("study")
 @click.option("--out", type=PATH, required=True, help="Folder for the failing case, its test and a run of it.")
 @count("--max-runs", "budget", default=1000, help="Most runs of a case.")
-@choice("--method", "evolution", "random", help="How cases are chosen.")
+@choice("--method", "evolution", "cma-es", "random", help="How cases are chosen.")
 @click.option("--cause", default="", help='Failures of this cause only: "collided", "violates keeps-away".')
 @seed
 @set_parameters

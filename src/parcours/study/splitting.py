@@ -32,7 +32,8 @@ from parcours.errors import BadRequest
 from parcours.run.campaign import Prepares
 from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.strangers import computed
-from parcours.study.falsifying import Cube, Floats, Search, UniformDraws, moved, search_of, simulated
+from parcours.study.cube import Cube, Floats, UniformDraws, moved
+from parcours.study.falsifying import Search, search_of, simulated
 from parcours.study.protocol import Progress
 from parcours.verdict.statistics import mean_of_log_normal, wilson
 

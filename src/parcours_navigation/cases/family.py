@@ -8,8 +8,9 @@ stop durations of Table VII are drawn under that condition, so an obstacle that 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal
@@ -250,10 +251,18 @@ class GivenCases(SystemCases):
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the values of the cases, shape (n, n_inputs): case 0 is asked for to compile, given or not."""
-        drawn = SystemCases.values(self, numbers)
-        return np.array(
-            [self.given.get(k, tuple(row)) for k, row in zip(numbers.tolist(), drawn.tolist(), strict=True)]
-        )
+        return given_or_drawn(numbers, self.given, partial(SystemCases.values, self))
+
+
+def given_or_drawn(
+    numbers: NDArray[np.int64],
+    given: Mapping[int, tuple[float, ...]],
+    draw: Callable[[NDArray[np.int64]], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Return the values of cases, shape (n, n_inputs): those given by number, or what `draw` returns."""
+    missing = np.array([number for number in numbers.tolist() if number not in given], np.int64)
+    table = {**given, **dict(zip(missing.tolist(), draw(missing), strict=True))} if len(missing) else given
+    return np.array([table[number] for number in numbers.tolist()])
 
 
 @kernel

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from parcours.data import InputModel
 from parcours.data.constraints import allows
 from parcours.errors import ParcoursError
 from parcours.suite import Case, Plan, combine
+from parcours_navigation.cases.family import given_or_drawn
 from parcours_navigation.protocol import SENSES
 from parcours_navigation.stage.memory import Staged
 from parcours_navigation.worlds import plan as plans
@@ -141,10 +143,7 @@ class GivenWorldCases(WorldCases):
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the values of the cases, shape (n, n_inputs): case 0 is asked for to compile, given or not."""
-        drawn = WorldCases.values(self, numbers)
-        return np.array(
-            [self.given.get(k, tuple(row)) for k, row in zip(numbers.tolist(), drawn.tolist(), strict=True)]
-        )
+        return given_or_drawn(numbers, self.given, partial(WorldCases.values, self))
 
 
 def _and(names: Sequence[str]) -> str:
