@@ -21,6 +21,7 @@ from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.isolation import ProcessOrder
+from parcours_navigation.foreign.recorded import rejudge
 from parcours_navigation.foreign.running import ForeignStudy
 from parcours_navigation.foreign.setup_steps import act
 from parcours_navigation.foreign.tester_messages import Maker
@@ -71,11 +72,76 @@ def test_topics_calls_and_steps_reach_nodes_on_other_domains(parted: Path, tmp_p
         assert decoder.message("posted", sent("posted")[0].payload.content).point.x == 3.0
 
 
-def test_the_order_of_a_case_is_enforced_over_domains(parted: Path, tmp_path: Path) -> None:
+def test_the_order_of_a_case_is_enforced_over_domains_and_its_recording_says_so_again(
+    parted: Path, tmp_path: Path
+) -> None:
     with ForeignHost(read_binding(parted), tmp_path / "nodes") as host:
-        order = ProcessOrder(str(parted), str(tmp_path), abstract=("sale-tp11.tp31-0.0/0",))
+        order = ProcessOrder(str(parted), str(tmp_path), abstract=("sale-tp11.tp31-0.0/0",), record="mcap")
         [result] = ForeignStudy(host, order).run()
     assert result.judged.judgement.passed, result.judged.judgement.why
+    again, recorded, _ = rejudge(tmp_path / result.recording, read_binding(parted))
+    assert (again.judgement, recorded) == (result.judged.judgement, "pass")
+
+
+LED = """
+
+def told(what):
+    print(what, flush=True)
+    return TransitionCallbackReturn.SUCCESS
+
+
+Clerk.on_configure = lambda self, state: told("configure")
+Clerk.on_activate = lambda self, state: told("activate")
+Clerk.on_deactivate = lambda self, state: told("deactivate")
+"""
+
+
+@pytest.mark.parametrize("domain", [CLERK, CLIENT])
+def test_a_lifecycle_node_is_led_on_its_own_domain(parted: Path, tmp_path: Path, domain: int) -> None:
+    clerk = parted.with_name("clerk.py")
+    text = clerk.read_text().replace("rclpy.node import Node", "rclpy.lifecycle import LifecycleNode as Node")
+    text = text.replace("import LifecycleNode", "import TransitionCallbackReturn, LifecycleNode")
+    clerk.write_text(text.replace('\n\nif __name__ == "__main__":', LED + '\n\nif __name__ == "__main__":'))
+    led = parted.read_text().replace("    ros_node: /clerk\n", "    ros_node: /clerk\n    life: active\n")
+    step = f"- {{life: /clerk, is: LIFE, domain: {domain}, timeout: 3 s}}\n"
+    parted.write_text(led + step.replace("LIFE", "inactive") + step.replace("LIFE", "active"))
+    with ForeignHost(read_binding(parted), tmp_path / "nodes") as host:
+        run = Run(host)
+        try:
+            if domain == CLERK:
+                act(run.session, "before_case")
+                assert run.say("order", lambda: run.has("send", "bill"))
+            else:
+                with pytest.raises(HostFailure, match=r"/clerk@61 .*foreign-step"):
+                    act(run.session, "before_case")
+            said = host.running["Clerk"][1].output().split()
+        finally:
+            run.session.end()
+    assert said == ["configure", "activate", "deactivate", "activate"][: None if domain == CLERK else 2]
+
+
+def test_a_killed_node_that_the_user_started_is_missed_on_its_domain_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "60")
+    file = shutil.copytree(COUNTER, tmp_path / "counter") / "binding.yaml"
+    text = file.read_text().replace("parameters:\n  /clerk/fee: 41.0\n\n", "")
+    for name, domain in (("client", CLIENT), ("clerk", CLERK)):
+        text = text.replace(f"command: [python3, {name}.py]", "running: true")
+        text = text.replace(f"ros_node: /{name}\n", f"ros_node: /{name}\n    domain: {domain}\n")
+    file.write_text(text)
+    namesake = started("clerk", CLIENT, "/price:=/fee", "/menu:=/board", "/posted:=/seen")
+    with started("client", CLIENT), started("clerk", CLERK) as clerk, namesake:
+        with ForeignHost(read_binding(file), tmp_path / "nodes") as host:
+            run = Run(host)
+            try:
+                assert run.say("order", lambda: run.has("send", "bill"))
+                clerk.kill()
+                assert run.wait(lambda: bool(run.session.deaths), 60.0)
+            finally:
+                run.session.end()
+    assert list(run.session.deaths) == ["Clerk"]
+    assert "/clerk@62 does not answer any more since" in run.session.deaths["Clerk"]
 
 
 LAUNCHED = """  Launch:
@@ -118,12 +184,13 @@ def sees(host: ForeignHost, node: str) -> bool:
 
 
 @contextlib.contextmanager
-def stranger() -> Iterator[None]:
-    """A node that nobody here knows, on a domain of its own."""
-    words = [sys.executable, str(COUNTER / "clerk.py"), "--ros-args", "-r", "__node:=stranger"]
-    node = subprocess.Popen(words, env={**os.environ, "ROS_DOMAIN_ID": str(STRANGE)})
+def started(program: str, domain: int, *remapped: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A node that the tester has not started."""
+    remaps = [word for one in remapped for word in ("-r", one)]
+    words = [sys.executable, str(COUNTER / f"{program}.py"), "--ros-args", *remaps]
+    node = subprocess.Popen(words, env={**os.environ, "ROS_DOMAIN_ID": str(domain)})
     try:
-        yield
+        yield node
     finally:
         node.kill()
         node.wait()
@@ -133,7 +200,7 @@ def test_a_domain_that_foreign_nodes_use_is_refused_unless_some_are_the_users_ow
     parted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(STRANGE))
-    with stranger():
+    with started("clerk", STRANGE, "__node:=stranger"):
         with ForeignHost(read_binding(parted), tmp_path) as host:  # in a network of its own nobody else can be
             assert soon(lambda: sees(host, "/stranger"), 30.0)
         with pytest.raises(HostFailure, match=r"domain 63: .* /stranger run there already.*ros2-occupied"):

@@ -194,7 +194,7 @@ class Session:
         for name, when in list(self._lost.items()):
             slot = cast(ProcessSlot, self.slot_plan.slot(name))
             since = f" since {max(when - self.case_began, 0) * 1e-9:.3f} s"
-            self._bury(slot, f"{slot.ros_node} does not answer any more{since}", when)
+            self._bury(slot, f"{slot.graph_name} does not answer any more{since}", when)
 
     def _bury(self, slot: ProcessSlot, how: str, when: int) -> None:
         launched = self.host.binding.launched_by(slot.node)
