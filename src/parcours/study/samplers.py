@@ -18,7 +18,7 @@ from parcours.study.cube import Cube, Floats, UniformDraws, anywhere, moved
 Integers = NDArray[np.int64]
 Method = Literal["evolution", "cma-es", "random"]
 
-GENERATION, FIRST, ELITE = 20, 80, 5
+GENERATION, ELITE = 20, 5
 _ANYWHERE, _KEPT = 0.15, 0.7  # shares of a generation that are drawn anywhere, and of children that keep the number
 _SCALES = 10  # steps of 1/2 .. 1/1024 of a domain
 _GAIN, _PATIENCE = 0.9, 12  # generations in which the best fell by no tenth: then a search starts again
@@ -63,7 +63,7 @@ class _Random:
         self._cube, self._draws = cube, draws
 
     def ask(self, most: int, first: int) -> tuple[Floats, Integers]:
-        n = min(FIRST, most)
+        n = min(GENERATION, most)
         return anywhere(n, self._cube, self._draws), np.arange(first, first + n)
 
     def tell(self, cases: Cases) -> None:
@@ -99,7 +99,7 @@ class _Evolution:
 
     def ask(self, most: int, first: int) -> tuple[Floats, Integers]:
         elite, draws = self._elite, self._draws
-        n = min(GENERATION if len(elite.far) else FIRST, most)
+        n = min(GENERATION, most)
         points, numbers = anywhere(n, self._cube, draws), np.arange(first, first + n)
         if not len(elite.far):
             return points, numbers
@@ -140,7 +140,7 @@ class _CmaEs:
                 points = points[allowed][:most]
                 return points, np.full(len(points), self._number)
             self._running = False
-        n = min(FIRST, most)
+        n = min(GENERATION, most)
         return anywhere(n, self._cube, self._draws), np.arange(first, first + n)
 
     def tell(self, cases: Cases) -> None:
