@@ -130,16 +130,16 @@ def test_a_killed_node_that_the_user_started_is_missed_on_its_domain_alone(
         text = text.replace(f"command: [python3, {name}.py]", "running: true")
         text = text.replace(f"ros_node: /{name}\n", f"ros_node: /{name}\n    domain: {domain}\n")
     file.write_text(text)
+    client, clerk = started("client", CLIENT), started("clerk", CLERK)
     namesake = started("clerk", CLIENT, "/price:=/fee", "/menu:=/board", "/posted:=/seen")
-    with started("client", CLIENT), started("clerk", CLERK) as clerk, namesake:
-        with ForeignHost(read_binding(file), tmp_path / "nodes") as host:
-            run = Run(host)
-            try:
-                assert run.say("order", lambda: run.has("send", "bill"))
-                clerk.kill()
-                assert run.wait(lambda: bool(run.session.deaths), 60.0)
-            finally:
-                run.session.end()
+    with client, clerk as process, namesake, ForeignHost(read_binding(file), tmp_path / "nodes") as host:
+        run = Run(host)
+        try:
+            assert run.say("order", lambda: run.has("send", "bill"))
+            process.kill()
+            assert run.wait(lambda: bool(run.session.deaths), 60.0)
+        finally:
+            run.session.end()
     assert list(run.session.deaths) == ["Clerk"]
     assert "/clerk@62 does not answer any more since" in run.session.deaths["Clerk"]
 

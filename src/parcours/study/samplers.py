@@ -35,7 +35,7 @@ class Cases:
     far: Floats  # from failing
 
 
-class Sampler(Protocol):
+class CaseSampler(Protocol):
     """Chooses the next cases by how near those before came to failing."""
 
     def ask(self, most: int, first: int) -> tuple[Floats, Integers]:
@@ -48,7 +48,7 @@ class Sampler(Protocol):
         """Take note of how near these cases came."""
 
 
-def sampler_of(method: Method, cube: Cube, seed: int) -> Sampler:
+def sampler_of(method: Method, cube: Cube, seed: int) -> CaseSampler:
     """Return a new sampler; the same seed chooses the same cases after the same answers."""
     draws = UniformDraws(seed)
     if method == "cma-es":
