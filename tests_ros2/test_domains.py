@@ -99,8 +99,8 @@ Clerk.on_deactivate = lambda self, state: told("deactivate")
 @pytest.mark.parametrize("domain", [CLERK, CLIENT])
 def test_a_lifecycle_node_is_led_on_its_own_domain(parted: Path, tmp_path: Path, domain: int) -> None:
     clerk = parted.with_name("clerk.py")
-    text = clerk.read_text().replace("rclpy.node import Node", "rclpy.lifecycle import LifecycleNode as Node")
-    text = text.replace("import LifecycleNode", "import TransitionCallbackReturn, LifecycleNode")
+    lifecycle = "rclpy.lifecycle import LifecycleNode as Node, TransitionCallbackReturn"
+    text = clerk.read_text().replace("rclpy.node import Node", lifecycle)
     clerk.write_text(text.replace('\n\nif __name__ == "__main__":', LED + '\n\nif __name__ == "__main__":'))
     led = parted.read_text().replace("    ros_node: /clerk\n", "    ros_node: /clerk\n    life: active\n")
     step = f"- {{life: /clerk, is: LIFE, domain: {domain}, timeout: 3 s}}\n"

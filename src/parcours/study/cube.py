@@ -1,4 +1,4 @@
-"""The unit cube over test inputs: what a campaign draws are uniform points of it; draws of it, and moves in it."""
+"""The unit cube over test inputs, whose uniform points are what a campaign draws: points drawn, and moved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Looks for a failing case over the input domains of a study, guided by how near cases came; budgets in simulations."""
+"""Looks for a failing case over the input domains of a study, guided by how near earlier cases came."""
 
 from __future__ import annotations
 

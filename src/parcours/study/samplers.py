@@ -1,14 +1,14 @@
 """How a search over input domains chooses its next cases: by evolution, by CMA-ES, or at random.
 
-Each has points of the unit cube, and numbers on which depends what else is drawn. What comes near failing may owe that
-to its number as well: so evolution keeps a parent's number more often than not, and CMA-ES the one that it starts with.
+A case is a point of the unit cube and a number, on which all else depends that is drawn. What comes near failing may
+owe that to its number: so evolution keeps a parent's number more often than not, and CMA-ES the one it starts with.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,37 +126,36 @@ class _CmaEs:
     """
 
     def __init__(self, cube: Cube, draws: UniformDraws) -> None:
-        from cmaes import CMA
-
         self._cube, self._draws = cube, draws
-        self._new, self._running = CMA, False
+        self._optimizer: Any = None  # of what is searched from one start
 
     def ask(self, most: int, first: int) -> tuple[Floats, Integers]:
-        if self._running:
+        if self._optimizer:
             points = np.array([self._optimizer.ask() for _ in range(GENERATION)])
             allowed = self._cube.allows(self._cube.values(points))
             self._refused = points[~allowed]
             if allowed.any():
                 points = points[allowed][:most]
                 return points, np.full(len(points), self._number)
-            self._running = False
+            self._optimizer = None
         n = min(GENERATION, most)
         return anywhere(n, self._cube, self._draws), np.arange(first, first + n)
 
     def tell(self, cases: Cases) -> None:
         best = int(np.argmin(cases.far))
-        if not self._running:
+        if not self._optimizer:
             self._start(cases.points[best], int(cases.numbers[best]))
         elif len(cases.far) + len(self._refused) == GENERATION:
             ranked = [*zip(cases.points, cases.far.tolist(), strict=True)]
             self._optimizer.tell(ranked + [(one, math.inf) for one in self._refused])
-            self._running = not self._optimizer.should_stop()
-        if self._patience.is_over(float(cases.far[best])):
-            self._running = False
+        if self._patience.is_over(float(cases.far[best])) or self._optimizer.should_stop():
+            self._optimizer = None
 
     def _start(self, point: Floats, number: int) -> None:
+        from cmaes import CMA
+
         bounds = np.tile([0.0, 1.0], (self._cube.n, 1))
         mean = np.clip(point, _INSIDE, 1.0 - _INSIDE)
         seed = int(self._draws.uniform(1)[0] * 2**32)
-        self._optimizer = self._new(mean, _STEP, bounds=bounds, seed=seed, population_size=GENERATION)
-        self._number, self._running, self._patience = number, True, _Patience()
+        self._optimizer = CMA(mean, _STEP, bounds=bounds, seed=seed, population_size=GENERATION)
+        self._number, self._patience = number, _Patience()
