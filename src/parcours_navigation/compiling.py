@@ -52,14 +52,14 @@ def _worlds() -> None:
 
 
 PARTS = {
-    "worlds": CompiledPart(_worlds, 40.0),
-    "ORCA": CompiledPart(partial(_planner, "orca"), 14.0),
-    "DWA": CompiledPart(partial(_planner, "dwa"), 13.0),
-    "MPPI": CompiledPart(partial(_planner, "mppi"), 12.0),
-    "requirements": CompiledPart(_requirements, 5.0),
-    "MPC": CompiledPart(partial(_planner, "mpc"), 18.0),
-    "TEB": CompiledPart(partial(_planner, "teb"), 18.0),
-    "A*": CompiledPart(_route, 9.0),
-    "solvability": CompiledPart(_oracle, 9.0),
+    "worlds": CompiledPart(_worlds, 30.0),
+    "ORCA": CompiledPart(partial(_planner, "orca"), 1.0),
+    "DWA": CompiledPart(partial(_planner, "dwa"), 2.0),
+    "MPPI": CompiledPart(partial(_planner, "mppi"), 4.0),
+    "requirements": CompiledPart(_requirements, 6.0),
+    "MPC": CompiledPart(partial(_planner, "mpc"), 10.0),
+    "TEB": CompiledPart(partial(_planner, "teb"), 8.0),
+    "A*": CompiledPart(_route, 4.0),
+    "solvability": CompiledPart(_oracle, 5.0),
 }
 """Name -> part (entry points `parcours.compiled`)."""

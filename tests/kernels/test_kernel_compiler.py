@@ -13,7 +13,8 @@ import gc, json, pickle, sys
 from llvmlite.binding import Linkage
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.dispatcher import _FunctionCompiler
-from parcours.kernels import kernel
+import numpy as np
+from parcours.kernels import heap_kernel, kernel
 
 optimised, translated, shared, collected = [], [], [], []
 optimise, translate = CPUCodeLibrary._optimize_final_module, _FunctionCompiler.compile
@@ -67,6 +68,11 @@ def made(factor):
         return within(x) + 1.0
 
     return around
+
+@heap_kernel
+def doubled(values, out):
+    out[:] = np.array([2.0 * one for one in values]) + 0.0 * values
+    return out
 
 def tell(*results):
     names = [name for name in ("innermost", "inner", "outer", "other", "within", "around") if name in optimised]
@@ -125,6 +131,20 @@ except ValueError as error:
 """
     for _ in range(2):
         assert told(tmp_path, call)["results"] == ["below zero", True, None, 8.0]
+
+
+def test_arrays_are_assigned_to_slices_of_their_shape_and_no_words_about_shapes_are_compiled(tmp_path: Path) -> None:
+    call = """
+try:
+    doubled(np.ones(3), np.ones(2))
+except ValueError as error:
+    tell(doubled(np.arange(3.0), np.ones(3)).tolist(), str(error))
+"""
+    for is_compiled in (True, False):
+        said = told(tmp_path, call)
+        assert said["results"] == [[0.0, 2.0, 4.0], "an array is assigned to a slice of another shape"]
+        assert ("doubled" in said["translated"]) == is_compiled  # type: ignore[operator]
+        assert "join_list" not in said["translated"]  # type: ignore[operator] # of Numba's own message
 
 
 def test_kernels_that_a_function_makes_are_kept_by_what_they_close_over(tmp_path: Path) -> None:
