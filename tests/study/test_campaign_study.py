@@ -102,10 +102,10 @@ BLAME = {
     8: (Fault.HUNG, "hung: no facts within 1.5 s"),
     9: (Fault.HUNG, "hung: no facts within 1.5 s"),
     10: (Fault.DIED, "died: its process ended with exit code 3"),
-    11: (Fault.DIED, "died: its process was killed by signal 11"),
+    11: (Fault.DIED, "died: its process was killed by signal 11 (SIGSEGV)"),
     13: (Fault.BAD_FACTS, "bad facts: must be a mapping from names to values, but are None"),
     14: (Fault.BAD_FACTS, "bad facts: y must be a finite number, but is 1" + "0" * 39),
-    15: (Fault.DIED, "died: its process was killed by signal 9"),
+    15: (Fault.DIED, "died: its process was killed by signal 9 (SIGKILL)"),
 }
 
 

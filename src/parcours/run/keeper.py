@@ -59,6 +59,17 @@ _PARENT_DEATH, _SUBREAPER, _SET_SIZE = 1, 36, 1031  # PR_SET_PDEATHSIG, PR_SET_C
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
 
 
+def named_signal(number: int) -> str:
+    """Return a signal's number and name.
+
+    >>> named_signal(9), named_signal(50)
+    ('signal 9 (SIGKILL)', 'signal 50')
+    """
+    with contextlib.suppress(ValueError):  # it has none
+        return f"signal {number} ({signal.Signals(number).name})"
+    return f"signal {number}"
+
+
 class BoundedText(io.TextIOWrapper):
     """Standard error as text, which drops what is beyond the limit before it costs anything, but counts it.
 
@@ -259,7 +270,7 @@ def _wait(child: int, lifeline: int, printed: _Printed) -> tuple[int, str]:
             signal_there = _stopped_by(child)
             stops = stops + 1 if signal_there else 0
             if not excess and stops >= _STOPPED:
-                excess = f"it was stopped by signal {signal_there}"
+                excess = f"it was stopped by {named_signal(signal_there)}"
                 _kill(child)
         if lifeline in ready:
             _kill(child)

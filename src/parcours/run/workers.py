@@ -33,7 +33,7 @@ from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run import canaries as canaries
 from parcours.run.exception_text import described
 from parcours.run.heartbeat import POLL, LostCase, WorkerWatch, case_in, new_block, share, write_last_place, write_place
-from parcours.run.keeper import BoundedText, can_keep, end_with, keep, memory_for_each
+from parcours.run.keeper import BoundedText, can_keep, end_with, keep, memory_for_each, named_signal
 from parcours.run.messages import LineMessages, packed
 from parcours.run.safe_path import safe_path
 
@@ -76,7 +76,8 @@ class Lost:
         """How the process ended, in words."""
         if self.silent:
             return "can be heard no more"
-        return f"was killed by signal {-self.status}" if self.status < 0 else f"ended with exit code {self.status}"
+        by_signal = self.status < 0
+        return f"was killed by {named_signal(-self.status)}" if by_signal else f"ended with exit code {self.status}"
 
 
 class _Worker:

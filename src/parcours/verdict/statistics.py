@@ -37,10 +37,6 @@ class Rate:
         """The observed rate, count / n; NaN without any case."""
         return self.count / self.n if self.n else math.nan
 
-    def overlaps(self, other: Rate) -> bool:
-        """Return whether the two intervals have a rate in common."""
-        return self.low <= other.high and other.low <= self.high
-
 
 def wilson(count: int, n: int, confidence: float = 0.95) -> Rate:
     """Return the rate count / n with its Wilson score interval.
@@ -203,11 +199,6 @@ class RateComparison:
         """Our rate minus the published one; NaN if either has no case."""
         return self.ours.share - self.published.share
 
-    @property
-    def intervals_overlap(self) -> bool:
-        """Whether the two Wilson intervals have a rate in common."""
-        return self.ours.overlaps(self.published)
-
 
 def compare_with_published(
     count: int, n: int, published_count: int, published_n: int, confidence: float = 0.95
@@ -220,8 +211,8 @@ def compare_with_published(
     Example: the tea tasting (R. A. Fisher, The Design of Experiments, 1935): 3 of 4 against 1 of 4.
 
     >>> tea = compare_with_published(3, 4, 1, 4)
-    >>> round(tea.p_value, 4), tea.intervals_overlap, tea.difference
-    (0.4857, True, 0.5)
+    >>> round(tea.p_value, 4), tea.difference
+    (0.4857, 0.5)
     """
     ours = wilson(count, n, confidence)
     published = wilson(published_count, published_n, confidence)

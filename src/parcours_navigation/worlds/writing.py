@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parcours.kernels import Record
 from parcours_navigation.worlds.file import FORMAT, World, parse_world
@@ -113,8 +112,3 @@ def _flow(value: Any) -> str:
 def made_world(name: str, doc: str, data: Data, folder: Path) -> World:
     """Return the world that data describe. Raises BadWorld if they make none."""
     return parse_world(world_text(name, doc, data), f"{name}.yaml", folder)
-
-
-def closed_of(obstacles: NDArray[np.void], n_agents: int) -> Record:
-    """Return the obstacles of closed form of a scene, which stand before those of its agents."""
-    return obstacles[: len(obstacles) - n_agents]

@@ -71,7 +71,7 @@ class Planner:
         self._planner = planner
         # Views of its parts, since to reach them takes longer than most kernels run.
         self._members = [planner.members[i] for i in range(messages.MAX_POPULATION)]
-        self._candidate, self._switch = planner.candidate, planner.switch
+        self._switch = planner.switch
         self._candidate_trajectory, self._candidate_path = planner.candidate.trajectory, planner.candidate.path
         self._moving_on, self._request, self._latest = planner.moving_on, planner.request, planner.latest
         self._predictions = messages.many(messages.PREDICTION, 0)
