@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import cast
 
-from parcours.errors import BadRequest, HostFailure, one_of
+from parcours.errors import BadRequest, HostFailure
 from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
 from parcours.run.faults.effects import ACTS, UNTOUCHED, Agenda, Effect, Effects, ProcessSignal, signals
@@ -19,7 +19,7 @@ from parcours.run.faults.plan import FaultPlan
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Received, Report, RunFreely, TransitionTaken, Wire
 from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.hosts.slots import Answer, Answering, silence
+from parcours.run.hosts.slots import Answer, Answering, injection_time, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step, StepReport, reported
 from parcours.run.trace import Kind, Trace, TraceEvent
@@ -173,19 +173,10 @@ class RealTimeHost:
         Raises BadRequest if the channel is unknown, belongs to a component that is here, or the time is past.
         """
         self._must_be_open()
-        link = self._links.get(channel)
-        if link is None:
-            raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._links)),
-                             slug="unknown-channel")  # fmt: skip
-        if link.sender != ENVIRONMENT and (link.sender in self._local or link.sender in self._transport.nodes):
-            rule = f"only the tester's channels can be injected, but {link.sender} itself sends here"
-            raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
-        if at is not None and at < self._now():
-            rule = f"time never runs backwards, but {at} ns was given at {self._now()} ns"
-            raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
+        here = {*self._local, *self._transport.nodes}
+        due = injection_time(channel, self._links, here, at, self._now())
         data = self._codec.encode(channel, message)
-        when = self._now() if at is None else at
-        self._agenda.at(when, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
+        self._agenda.at(due, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
 
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.

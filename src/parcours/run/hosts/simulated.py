@@ -16,11 +16,11 @@ import heapq
 from collections.abc import Callable, Iterator, Sequence
 from typing import cast
 
-from parcours.errors import BadRequest, HostFailure, one_of
+from parcours.errors import HostFailure
 from parcours.run.clocks import SimulatedClock
 from parcours.run.faults import FaultPlan, FlatCodec
 from parcours.run.hosts.component_faults import Death, Striker
-from parcours.run.hosts.slots import Answer, Answering, Queue, Slot, silence
+from parcours.run.hosts.slots import Answer, Answering, Queue, Slot, injection_time, silence
 from parcours.run.hosts.traffic import ARRIVE, END, STRIKE, WAKE, Traffic
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step, reported
@@ -137,18 +137,10 @@ class SimulatedHost(Traffic):
         Raises BadRequest if the channel is unknown, belongs to a component of this host, or the time is past.
         """
         self._must_be_open()
-        queue = self._queues.get(channel)
-        if queue is None:
-            raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._queues)),
-                             slug="unknown-channel")  # fmt: skip
-        if queue.link.sender != ENVIRONMENT and queue.link.sender in self._slots:
-            rule = f"only the tester's channels can be injected, but {queue.link.sender} itself sends here"
-            raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
-        now = self._clock.now()
-        if at is not None and at < now:
-            rule = f"time never runs backwards, but {at} ns was given at {now} ns"
-            raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
-        self._push(now if at is None else at, ARRIVE, queue.index, lambda: self._send(None, queue, message))
+        links = {name: queue.link for name, queue in self._queues.items()}
+        due = injection_time(channel, links, self._slots, at, self._clock.now())
+        queue = self._queues[channel]
+        self._push(due, ARRIVE, queue.index, lambda: self._send(None, queue, message))
 
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.

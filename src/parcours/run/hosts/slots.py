@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from parcours.errors import BadRequest, one_of
 from parcours.run.port import ENVIRONMENT, Component, Link, Send, Step
 
 Answer = Callable[[str, object, int], Iterable[Send]]
@@ -134,3 +135,21 @@ def silence(channel: str, payload: object, now: int) -> Iterable[Send]:
     []
     """
     return ()
+
+
+def injection_time(channel: str, links: Mapping[str, Link], here: Container[str], at: int | None, now: int) -> int:
+    """Return when a message is to be sent in the place of the environment, or of a component that is not here [ns].
+
+    Raises BadRequest if the channel is unknown, belongs to a component that is here, or the time is past.
+    """
+    link = links.get(channel)
+    if link is None:
+        raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(links)),
+                         slug="unknown-channel")  # fmt: skip
+    if link.sender != ENVIRONMENT and link.sender in here:
+        rule = f"only the tester's channels can be injected, but {link.sender} itself sends here"
+        raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
+    if at is not None and at < now:
+        rule = f"time never runs backwards, but {at} ns was given at {now} ns"
+        raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
+    return now if at is None else at
