@@ -9,6 +9,9 @@ from types import CodeType
 
 from parcours.errors import ParcoursError
 
+REASON_LENGTH = 160
+"""Bytes kept of the reason why a case ended in an error."""
+
 _TRACEBACK = BaseException.__dict__["__traceback__"]  # a class may have a property of that name
 _NAME = type.__dict__["__name__"]  # and so may a metaclass
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
@@ -40,6 +43,15 @@ def cut(text: str, room: int) -> str:
     """
     encoded = text.encode("utf-8", "replace")
     return text if len(encoded) <= room else encoded[: room - 3].decode("utf-8", "ignore") + "..."
+
+
+def reason_bytes(reason: str) -> bytes:
+    """Return a reason as it is kept: one line, without memory addresses, cut to REASON_LENGTH bytes of UTF-8.
+
+    >>> reason_bytes("returned <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
+    b'returned <object object at 0x...> twice'
+    """
+    return cut(without_addresses(reason), REASON_LENGTH).encode("utf-8", "replace")
 
 
 def said(error: BaseException) -> str:
@@ -75,6 +87,13 @@ def place(error: BaseException, file: str = "") -> tuple[str, str]:
         return "", ""
     code, line = own[-1]
     return code.co_name, f"{code.co_filename.rpartition('/')[2]}:{line}"
+
+
+def words_of(error: BaseException, file: str) -> str:
+    """Return what was raised and where: in the user's own file if it passed there. Where is never cut."""
+    _, line = place(error, file)
+    where = f" ({line})" if line else ""
+    return cut(said(error), max(REASON_LENGTH - len("raised: ") - len(where.encode()), 20)) + where
 
 
 def described(error: BaseException) -> Exception:

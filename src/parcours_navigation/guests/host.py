@@ -19,14 +19,14 @@ from threadpoolctl import ThreadpoolController
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.exception_text import Overdue, cut, is_ctrl_c, place, said
+from parcours.run.exception_text import Overdue, is_ctrl_c, reason_bytes, words_of
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.concluding import conclude, gaps_of, sum_up_later, track_of
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
 from parcours_navigation.guests.lockstep import Lockstep, are_alike, steps_between
 from parcours_navigation.guests.measuring import take_own
-from parcours_navigation.guests.planner_facts import FACTS, REASON_LENGTH, PlannerFault, lost, reason_bytes, unmeasured
+from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, unmeasured
 from parcours_navigation.guests.planner_tasks import handed_out, planner_seed
 from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
@@ -297,7 +297,7 @@ class GuestHost:
             end_if_forked(self._pid)
             if is_ctrl_c(error):
                 raise
-            fault, reason = PlannerFault.RAISED, f"raised: {_words(error, plugin.file)}"
+            fault, reason = PlannerFault.RAISED, f"raised: {words_of(error, plugin.file)}"
         if not frozen:
             moving.freeze(self._memory, facts[0])
         facts["error"], facts["reason"] = fault, reason_bytes(reason)
@@ -391,9 +391,3 @@ def hung(number: int, time: int, call_timeout: float) -> NDArray[np.void]:
     """Return the facts of a case in which the planner did not answer, shape (1,)."""
     reason = f"hung: no answer within {call_timeout:g} s to the observation at {time * 1e-9:.2f} s"
     return lost(number, PlannerFault.HUNG, reason, time)
-
-
-def _words(error: BaseException, file: str) -> str:
-    """Return what was raised and where: in the planner's own file if it passed there. Where is never cut."""
-    where = f" ({place(error, file)[1]})"
-    return cut(said(error), max(REASON_LENGTH - len("raised: ") - len(where.encode()), 20)) + where

@@ -7,13 +7,10 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.exception_text import cut, without_addresses
+from parcours.run.exception_text import REASON_LENGTH, reason_bytes
 from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.facts import NEVER
 from parcours_navigation.measures.table import MEASURES
-
-REASON_LENGTH = 160
-"""Bytes kept of a reason."""
 
 FACTS = np.dtype([*BASE.descr, ("n_track", "i8"), ("reason", f"S{REASON_LENGTH}"), ("measures", MEASURES)])
 """Facts of one case: the judge's, the entries of its track, the planner's own fault in words (UTF-8), and the measures
@@ -34,15 +31,6 @@ class PlannerFault(IntEnum):
     """It took its whole process down."""
     TAMPERED = 5
     """It changed what others rely on in its process."""
-
-
-def reason_bytes(reason: str) -> bytes:
-    """Return a reason as FACTS keeps it: one line, without memory addresses, cut to REASON_LENGTH bytes of UTF-8.
-
-    >>> reason_bytes("returned <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
-    b'returned <object object at 0x...> twice'
-    """
-    return cut(without_addresses(reason), REASON_LENGTH).encode("utf-8", "replace")
 
 
 def lost(number: int, fault: PlannerFault, reason: str, time: int) -> NDArray[np.void]:

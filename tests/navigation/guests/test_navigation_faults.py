@@ -16,11 +16,12 @@ from click.testing import CliRunner
 from parcours.cli import parcours
 from parcours.errors import BadRequest, BadResults
 from parcours.run.campaign import run_campaign
+from parcours.run.exception_text import REASON_LENGTH, reason_bytes
 from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign, open_results
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests.planner_facts import REASON_LENGTH, PlannerFault, reason_bytes
+from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.planner_tasks import planner_seed
 from parcours_navigation.guests.planners import load_planner, source_of
 from parcours_navigation.guests.scenario import Scenario

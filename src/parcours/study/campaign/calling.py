@@ -16,7 +16,7 @@ import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run import heartbeat as heartbeat
-from parcours.run.exception_text import Overdue, cut, place, said, without_addresses
+from parcours.run.exception_text import Overdue, without_addresses
 from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
@@ -28,8 +28,6 @@ from parcours.suite import Case
 
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
-
-REASON_LENGTH = 160  # bytes kept of the reason of an error
 
 Function = Callable[..., object]
 Target = str | Function  # `file.py:name`, `package.module:name`, or the function itself
@@ -234,22 +232,6 @@ def lost_reason(case: heartbeat.LostCase, patience: float) -> tuple[Fault, str]:
     if case.how == "hung":
         return Fault.HUNG, HUNG.format(patience)
     return Fault.DIED, case.detail if case.how == "tampered" else f"died: its process {case.detail}"
-
-
-def reason_bytes(text: str) -> bytes:
-    """Return a reason as it is kept: one line, without memory addresses, cut to REASON_LENGTH bytes of UTF-8.
-
-    >>> reason_bytes("raised by <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
-    b'raised by <object object at 0x...> twice'
-    """
-    return cut(without_addresses(text), REASON_LENGTH).encode("utf-8", "replace")
-
-
-def words_of(error: BaseException, file: str) -> str:
-    """Return what was raised and where: in the user's own file if it passed there."""
-    _, line = place(error, file)
-    where = f" ({line})" if line else ""
-    return cut(said(error), max(REASON_LENGTH - len("raised: ") - len(where.encode()), 20)) + where
 
 
 def shown(value: object) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.exception_text import Overdue, is_ctrl_c
+from parcours.run.exception_text import Overdue, is_ctrl_c, reason_bytes, words_of
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
     HUNG,
@@ -27,8 +27,6 @@ from parcours.study.campaign.calling import (
     PythonCaller,
     facts_in,
     lost_reason,
-    reason_bytes,
-    words_of,
 )
 from parcours.study.campaign.rules import ABSTRACT, Fault, Rows
 from parcours.study.components.systems import ProgramPart

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from parcours.data import InputModel
 from parcours.errors import BadRequest, BadSuite
 from parcours.run.campaign import run_campaign
+from parcours.run.exception_text import REASON_LENGTH, words_of
 from parcours.run.heartbeat import write_place
-from parcours.study.campaign.calling import REASON_LENGTH, Alarm, PythonCaller, Target, rows_of, shown, words_of
+from parcours.study.campaign.calling import Alarm, PythonCaller, Target, rows_of, shown
 from parcours.study.campaign.results import Trace, read_results, report_results
 from parcours.study.campaign.rules import (
     ABSTRACT,
