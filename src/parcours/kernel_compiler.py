@@ -115,8 +115,7 @@ class _Whole(JITCodeLibrary):  # type: ignore[misc]
 
 _NEEDLESS = frozenset({
     "with_lifting", "make_function_op_code_to_jit_function", "inline_inlinables", "inline_overloads", "find_literally",
-    "literal_unroll", "LiteralPropagation", "Rewrite dynamic raises", "rewrite_semantic_constants",
-    "dead_branch_prune", "annotate_types", "dump_parfor_diagnostics",
+    "literal_unroll", "LiteralPropagation", "Rewrite dynamic raises", "annotate_types", "dump_parfor_diagnostics",
 })  # fmt: skip
 _OF_ARRAYS = frozenset({"inline_closure_likes", "nopython_rewrites"})  # for expressions that make some
 

@@ -74,6 +74,12 @@ def doubled(values, out):
     out[:] = np.array([2.0 * one for one in values]) + 0.0 * values
     return out
 
+@kernel
+def total(values):
+    if values.ndim == 1:
+        return values.sum()
+    return values[0, 0] + values[0, 1]
+
 def tell(*results):
     names = [name for name in ("innermost", "inner", "outer", "other", "within", "around") if name in optimised]
     loaded = "numba.np.linalg" in sys.modules
@@ -145,6 +151,10 @@ except ValueError as error:
         assert said["results"] == [[0.0, 2.0, 4.0], "an array is assigned to a slice of another shape"]
         assert ("doubled" in said["translated"]) == is_compiled  # type: ignore[operator]
         assert "join_list" not in said["translated"]  # type: ignore[operator] # of Numba's own message
+
+
+def test_a_kernel_may_branch_on_the_number_of_axes(tmp_path: Path) -> None:
+    assert told(tmp_path, "tell(total(np.ones(3)), total(np.ones((1, 2))))")["results"] == [3.0, 2.0]
 
 
 def test_kernels_that_a_function_makes_are_kept_by_what_they_close_over(tmp_path: Path) -> None:
