@@ -37,6 +37,7 @@ MUTANTS: dict[str, tuple[dict[str, float], float]] = {
     "guard_margin=0": ({"guard_margin": 0.0}, 1.3e-4),
     "guard_horizon=0.4, guard_margin=0.01": ({"guard_horizon": 0.4, "guard_margin": 0.01}, 1e-5),
     "guard_margin=0.01": ({"guard_margin": 0.01}, 4e-6),
+    "guard_margin=0.015": ({"guard_margin": 0.015}, 1e-6),
 }
 
 
