@@ -148,7 +148,7 @@ except ValueError as error:
 """
     for is_compiled in (True, False):
         said = told(tmp_path, call)
-        assert said["results"] == [[0.0, 2.0, 4.0], "an array is assigned to a slice of another shape"]
+        assert said["results"] == [[0.0, 2.0, 4.0], "cannot assign an array to a slice of a different shape"]
         assert ("doubled" in said["translated"]) == is_compiled  # type: ignore[operator]
         assert "join_list" not in said["translated"]  # type: ignore[operator] # of Numba's own message
 

@@ -90,7 +90,7 @@ def place(error: BaseException, file: str = "") -> tuple[str, str]:
 
 
 def words_of(error: BaseException, file: str) -> str:
-    """Return what was raised and where: in the user's own file if it passed there. Where is never cut."""
+    """Return what was raised and where: in the user's own file if it passed there. The place is never cut."""
     _, line = place(error, file)
     where = f" ({line})" if line else ""
     return cut(said(error), max(REASON_LENGTH - len("raised: ") - len(where.encode()), 20)) + where

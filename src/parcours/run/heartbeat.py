@@ -44,7 +44,7 @@ _MOST_READS = 64
 """How often a parent reads at one look; a pipe holds what is read in one."""
 
 _FARTHEST = 1e13  # no case is farther [ns]
-_NEAREST = 1e7  # nor is less simulated between two signs of life [ns]
+_NEAREST = 1e7  # two signs of life are at least so far apart in simulated time [ns]
 
 Words = NDArray[np.float64]
 

@@ -75,6 +75,7 @@ class SimulatedHost(Traffic):
         self._clock = SimulatedClock()
         self._slots = {part.name: Slot(part, k) for k, part in enumerate((*components, tester))}
         self._environment = self._slots[tester.name]
+        self._links = {link.channel: link for link in links}
         self._queues = {link.channel: Queue(link, k) for k, link in enumerate(links)}
         self._execution, self._transport = execution, transport
         self._open = True
@@ -137,8 +138,7 @@ class SimulatedHost(Traffic):
         Raises BadRequest if the channel is unknown, belongs to a component of this host, or the time is past.
         """
         self._must_be_open()
-        links = {name: queue.link for name, queue in self._queues.items()}
-        due = injection_time(channel, links, self._slots, at, self._clock.now())
+        due = injection_time(channel, self._links, self._slots, at, self._clock.now())
         queue = self._queues[channel]
         self._push(due, ARRIVE, queue.index, lambda: self._send(None, queue, message))
 
