@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from parcours.kernels import Record
 from parcours.streams import start
-from parcours_ramp.planner.messages import MEMBER, many, one
+from parcours_ramp.planner.messages import MEMBER, PREDICTION, many, one
 from parcours_ramp.planner.parameters import Parameters, guarded
-from parcours_ramp.planner.population import SAME_PATH, best_member, is_same, offer
+from parcours_ramp.planner.planner_state import PLANNER
+from parcours_ramp.planner.planning_cycle import is_known, offer_candidate
+from parcours_ramp.planner.population import SAME_PATH, best_member, is_same
 
 
 def member(direction: float, fitness: float, feasible: bool = True, id: int = 0) -> Record:
@@ -46,10 +48,14 @@ def offered(
     members: Record, n: int, candidate: Record, seed: int = 0, parameters: Parameters | None = None
 ) -> set[int]:
     """Offer the candidate, and return the ids of the members that were replaced (0: it was appended)."""
+    planner = one(PLANNER)
+    planner.members, planner.n, planner.candidate, planner.stream = members, n, candidate, stream_of(seed)
+    planner.candidate.id = 99
     before = [int(members[k].id) for k in range(n)]
-    candidate.id = 99
-    after_n = offer(members, n, candidate, (parameters or guarded()).record(), stream_of(seed))
-    after = [int(members[k].id) for k in range(after_n)]
+    if not is_known(planner):
+        offer_candidate(planner, many(PREDICTION, 0), (parameters or guarded()).record())
+    after_n = int(planner.n)
+    after = [int(planner.members[k].id) for k in range(after_n)]
     assert after_n in (n, n + 1)
     assert after.count(99) <= 1
     return set(before) - set(after) if after_n == n else {0}

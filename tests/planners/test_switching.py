@@ -13,11 +13,11 @@ import pytest
 from parcours.kernels import Record
 from parcours.streams import start
 from parcours_ramp.planner.control_cycle import control_cycle
-from parcours_ramp.planner.messages import POSE, PREDICTION, SAMPLE, many, one
+from parcours_ramp.planner.messages import PATH, POSE, PREDICTION, SAMPLE, many, one
 from parcours_ramp.planner.parameters import guarded, original
 from parcours_ramp.planner.planner_state import PLANNER, begin_population
 from parcours_ramp.planner.population import best_member
-from parcours_ramp.planner.route import HYBRID, NEAR, TRANSITION
+from parcours_ramp.planner.route import HYBRID, NEAR, ROUTE, TRANSITION, can_switch, is_cramped
 from parcours_ramp.planner.sensing_cycle import evaluate_population
 from parcours_ramp.planner.switching import EARLIEST, switch_path
 from parcours_ramp.planner.trajectory import pose_at, samples
@@ -64,6 +64,29 @@ def cycles() -> list[Cycle]:
                 control_cycle(planner, many(PREDICTION, 0), now, parameters)
             found.append(Cycle(planner, best, now))
     return found
+
+
+def test_where_a_corner_is_cramped_a_way_cannot_be_joined() -> None:
+    rng, parameters = np.random.default_rng(7), guarded().record()
+    counts = {True: 0, False: 0}
+    path, pose, joined, route = one(PATH), one(POSE), one(PATH), one(ROUTE)
+    path.n = 4
+    for _ in range(20_000):
+        direction = rng.uniform(-math.pi, math.pi)
+        away, pose.v = rng.uniform(0.0, 0.5), rng.uniform(0.0, 0.33)
+        path.x[:4], path.y[:4] = rng.uniform(0.0, 2.0, (2, 4))
+        bend = direction + rng.normal(0.0, 0.3)  # the second knot lies near, often nearly ahead
+        path.x[1] = path.x[0] + rng.uniform(0.0, 0.5) * math.cos(bend)
+        path.y[1] = path.y[0] + rng.uniform(0.0, 0.5) * math.sin(bend)
+        pose.x, pose.y = path.x[0] - away * math.cos(direction), path.y[0] - away * math.sin(direction)
+        pose.heading = direction + rng.normal(0.0, 0.02)
+        switch_path(path, pose, TRANSITION, joined)
+        if can_switch(joined, pose, parameters, route):
+            assert not is_cramped(path, pose)
+            counts[True] += 1
+        else:
+            counts[False] += is_cramped(path, pose)
+    assert min(counts.values()) > 300
 
 
 def turn(one_heading: float, other: float) -> float:

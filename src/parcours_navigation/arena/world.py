@@ -123,9 +123,22 @@ def note_contact(world: Record, when: int, closer: int) -> None:
 @kernel
 def advance(world: Record, obstacles: Record, until: int) -> None:
     """Advance the world tick by tick to the last tick at or before `until` [ns]."""
+    if world.now + TICK <= until:
+        tick(world, obstacles, until)
+        bring_all(world, obstacles)
+
+
+@kernel
+def bring_all(world: Record, obstacles: Record) -> None:
+    """Put all obstacles where they are now."""
+    for i in range(len(obstacles)):
+        bring(obstacles[i], world.now)
+
+
+@kernel
+def tick(world: Record, obstacles: Record, until: int) -> None:
+    """Do what `advance` does, but bring only those obstacles along that might touch the robot."""
     robot = world.robot
-    if world.now + TICK > until:
-        return
     while world.now + TICK <= until:
         x, y = robot.x, robot.y
         drive(robot, TICK * 1e-9)
@@ -143,5 +156,3 @@ def advance(world: Record, obstacles: Record, until: int) -> None:
             to_x, to_y = world.goal_x - robot.x, world.goal_y - robot.y
             if to_x * to_x + to_y * to_y < world.goal_tolerance * world.goal_tolerance:
                 world.t_goal = world.now
-    for i in range(len(obstacles)):
-        bring(obstacles[i], world.now)

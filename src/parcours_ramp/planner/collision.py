@@ -99,7 +99,7 @@ def _collision_with_standing(
 ) -> tuple[int, float, int]:  # fmt: skip
     """Return what `first_collision` does for an obstacle that stands, and a robot that begins out of its reach."""
     x, y = prediction.x[0] - drift_x, prediction.y[0] - drift_y
-    slack, valid_until = np.inf, last
+    nearest, most, valid_until = np.inf, 0.0, last
     for i in range(trajectory.n_legs):
         leg = trajectory.legs[i]
         is_last = i == trajectory.n_legs - 1
@@ -114,8 +114,8 @@ def _collision_with_standing(
         near = near_x * near_x + near_y * near_y
         least = reach + leg.stray + _UNSEEN
         if near >= least * least:
-            if valid_until == last and near < (slack + least) * (slack + least):
-                slack = np.sqrt(near) - least
+            if valid_until == last:
+                nearest, most = min(nearest, near), max(most, least)
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap_x * gap_x + gap_y * gap_y - least * least
@@ -132,8 +132,8 @@ def _collision_with_standing(
             hit = _first_hit(trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, False, v_max * SAMPLE)
             valid_until = min(valid_until, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
             if hit < to:
-                return hit, slack, valid_until
-    return last, slack, valid_until
+                return hit, max(np.sqrt(nearest) - most, 0.0), valid_until
+    return last, max(np.sqrt(nearest) - most, 0.0), valid_until
 
 
 @kernel
@@ -147,7 +147,7 @@ def _collision_with_moving(
     sets_out, stands = -shift * SAMPLE, (prediction.n - 1 - shift) * SAMPLE
     ox0, oy0 = predicted_place(prediction, first + shift)
     i = 0
-    slack, valid_until = np.inf, last
+    nearest, most, valid_until = np.inf, 0.0, last
     unseen = _UNSEEN + 0.25 * abs(prediction.speed) * SAMPLE  # the obstacle sets out and stops at once
     inexact = 2.0  # the first leg may be entered in its midst
     while time < until:
@@ -186,8 +186,8 @@ def _collision_with_moving(
             near = gap - inwards * inwards / square
         least = reach + stray
         if near >= least * least:
-            if valid_until == last and near < (slack + least) * (slack + least):
-                slack = np.sqrt(near) - least
+            if valid_until == last:
+                nearest, most = min(nearest, near), max(most, least)
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap - least * least
@@ -199,9 +199,9 @@ def _collision_with_moving(
             hit = _first_hit(trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, False, closing)
             valid_until = min(valid_until, int(time / SAMPLE) - 1)
             if hit < to:
-                return hit, slack, valid_until
+                return hit, max(np.sqrt(nearest) - most, 0.0), valid_until
         time, x0, y0, ox0, oy0 = end, x1, y1, ox1, oy1
-    return last, slack, valid_until
+    return last, max(np.sqrt(nearest) - most, 0.0), valid_until
 
 
 @kernel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.guard import evaluate_moving_on, is_imminent
+from parcours_ramp.planner.late_evaluation import catch_up_with_best
 from parcours_ramp.planner.messages import SAMPLE
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.path_modification import remove_knot
@@ -139,6 +140,7 @@ def control_cycle(planner: Record, predictions: Record, now: int, parameters: Re
     Returns:
         Whether new trajectories were generated.
     """
+    catch_up_with_best(planner, predictions, parameters)
     best = commit(planner, now, parameters)
     evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
     adapted, kept = adapt(planner, best, now, parameters)

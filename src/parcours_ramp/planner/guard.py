@@ -15,7 +15,7 @@ from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.collision import collision_time, earliest_collision
 from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE
-from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
+from parcours_ramp.planner.parameters import GUARDED
 from parcours_ramp.planner.prediction import STANDS
 from parcours_ramp.planner.trajectory_evaluation import passes_up_to, remember
 
@@ -53,11 +53,13 @@ def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int
 
 @kernel
 def is_known_to_pass(planner: Record, now: int, changed: float, parameters: Record) -> bool:
-    """Return whether the guarded schedule's last look tells that the motion under way meets nobody."""
-    if parameters.schedule == ORIGINAL:
-        return False
-    _, _, last, _, _ = window(planner, now, parameters)
-    up_to = passes_up_to(planner.moving_on, planner.epoch, changed, planner.drift_x, planner.drift_y)
+    """Return whether the last look tells that the motion under way meets nobody.
+
+    The published schedule has the robot set out at each look, so that obstacles are farther along at every sample.
+    """
+    begins, _, last, _, _ = window(planner, now, parameters)
+    late = planner.fastest * (begins - planner.moving_on_looked) * 1e-9
+    up_to = passes_up_to(planner.moving_on, planner.epoch, changed + late, planner.drift_x, planner.drift_y)
     return bool(last <= up_to)
 
 
@@ -76,10 +78,14 @@ def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: 
         return
     moving_on, drift_x, drift_y = planner.moving_on, planner.drift_x, planner.drift_y
     begins, first, last, margin, may_leave = window(planner, now, parameters)
-    if parameters.schedule == GUARDED and changed < np.inf:
+    if changed < np.inf:
+        ahead = _AHEAD if parameters.schedule == GUARDED else 0
         hit, slack, valid_until = earliest_collision(
-            moving_on, begins, first, last + _AHEAD, predictions, drift_x, drift_y, margin, may_leave, parameters
+            moving_on, begins, first, last + ahead, predictions, drift_x, drift_y, margin, may_leave, parameters
         )
+        planner.moving_on_looked, planner.fastest = begins, 0.0
+        for k in range(len(predictions)):
+            planner.fastest = max(planner.fastest, abs(predictions[k].speed))
         remember(moving_on, planner.epoch, changed, drift_x, drift_y, slack, valid_until)
         note_moving_on(planner, hit * SAMPLE if hit < last else NO_COLLISION)
         return

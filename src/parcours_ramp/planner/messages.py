@@ -88,8 +88,16 @@ TRAJECTORY = np.dtype(
 
 NO_COLLISION = 9999.0  # The collision time of a trajectory that meets nobody [s]
 
-MEMBER = np.dtype([("id", "i8"), ("path", PATH), ("trajectory", TRAJECTORY), ("switches", "i8")])
-"""A member of the population; `switches` is 1 while it is not known when it can be joined (working memory)."""
+MEMBER = np.dtype(
+    [
+        ("id", "i8"),
+        ("path", PATH),
+        ("trajectory", TRAJECTORY),
+        ("switches", "i8"),  # 1 while it is not known when it can be joined (working memory)
+        ("put_off", "i8"),  # 1 if it has yet to be evaluated, with this drift [m] and heading of the robot [rad]
+        *fields("f8", "drift_x drift_y heading"),
+    ]
+)  # A member of the population
 
 OBSTACLE_STATE = np.dtype([("pose", POSE), ("radius", "f8")])
 """An obstacle as it was sensed (Obstacle); `pose.v` is its speed along its heading."""

@@ -28,7 +28,13 @@ from parcours_ramp.planner.guard import (
 )
 from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.planner_state import PLANNER, begin_population
-from parcours_ramp.planner.planning_cycle import choose_modification, compensate, offer_candidate, set_candidate
+from parcours_ramp.planner.planning_cycle import (
+    choose_modification,
+    compensate,
+    is_known,
+    offer_candidate,
+    set_candidate,
+)
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.sensing_cycle import evaluate_population, evaluates_population, note_nearest
 from parcours_ramp.planner.switching import switch_path, take_up
@@ -284,7 +290,8 @@ class Planner:
             return
         else:
             _note(self._candidate_trajectory, message, 0)
-            offer_candidate(planner, self._parameters)
+            if not is_known(planner):
+                offer_candidate(planner, messages.many(messages.PREDICTION, 0), self._parameters)
         if not self._to_try:
             self._conversation = None
             return

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, below
+from parcours_ramp.planner.late_evaluation import catch_up, catch_up_with_best, evaluate_member
 from parcours_ramp.planner.messages import copy_path
 from parcours_ramp.planner.parameters import ORIGINAL
 from parcours_ramp.planner.path_modification import CROSSOVER, MOVE, OPERATORS, applies, modify
-from parcours_ramp.planner.population import best_member, offer
+from parcours_ramp.planner.population import best_member, copy_member, draw_victims, has_path, may_join
 from parcours_ramp.planner.switching import generate_from_switch
-from parcours_ramp.planner.trajectory import pose_at
-from parcours_ramp.planner.trajectory_evaluation import evaluate
+from parcours_ramp.planner.trajectory import place_at
 
 TURNING = 0.1  # Above this yaw rate [rad/s] a moving robot's error is not corrected for
 MOVING = 0.01  # Above this speed the robot moves [m/s]
@@ -33,9 +33,8 @@ def compensate(planner: Record, parameters: Record) -> None:
     turns = abs(planner.latest.w) > TURNING and abs(planner.latest.v) > MOVING
     if turns and parameters.schedule == ORIGINAL:
         return
-    pose_at(planner.moving_on, (planner.t_latest - planner.moving_on.begins) * 1e-9, planner.candidate_pose)
-    planner.drift_x = planner.latest.x - planner.candidate_pose.x
-    planner.drift_y = planner.latest.y - planner.candidate_pose.y
+    x, y = place_at(planner.moving_on, (planner.t_latest - planner.moving_on.begins) * 1e-9)
+    planner.drift_x, planner.drift_y = planner.latest.x - x, planner.latest.y - y
 
 
 @kernel
@@ -89,10 +88,35 @@ def set_candidate(planner: Record, path: Record) -> None:
 
 
 @kernel
-def offer_candidate(planner: Record, parameters: Record) -> None:
-    """Offer the evaluated candidate to the population."""
-    planner.candidate.trajectory.id = planner.candidate.id
-    planner.n = offer(planner.members, planner.n, planner.candidate, parameters, planner.stream)
+def is_known(planner: Record) -> bool:
+    """Return whether a member has the candidate's path: then it may not join, whatever its trajectory."""
+    return bool(has_path(planner.members, planner.n, planner.candidate.path))
+
+
+@kernel
+def offer_candidate(planner: Record, predictions: Record, parameters: Record) -> None:
+    """Let the evaluated candidate, whose path no member has, join the population if the rules allow.
+
+    Args:
+        predictions: array of PREDICTION; of length 0 if no evaluation was put off.
+    """
+    members, n, candidate = planner.members, planner.n, planner.candidate
+    if not may_join(members, n, candidate.trajectory.feasible, parameters):
+        return
+    candidate.trajectory.id = candidate.id
+    if n < parameters.population:
+        copy_member(members[n], candidate)
+        planner.n = n + 1
+        return
+    best = catch_up_with_best(planner, predictions, parameters)
+    victim, other = draw_victims(members, n, best, candidate.trajectory.feasible, planner.stream)
+    if other >= 0 and other != victim:
+        catch_up(planner, members[victim], predictions, parameters)
+        catch_up(planner, members[other], predictions, parameters)
+        if members[other].trajectory.fitness < members[victim].trajectory.fitness:
+            victim = other
+    if victim >= 0:
+        copy_member(members[victim], candidate)
 
 
 @kernel
@@ -105,15 +129,16 @@ def planning_cycle(
         predictions: array of PREDICTION, one an obstacle (of length 0 before the first message).
     """
     compensate(planner, parameters)
+    if planner.halted:
+        catch_up_with_best(planner, predictions, parameters)
     choose_modification(planner)
     n = modify(planner.request, parameters, modifier, one, two)
     for k in range(n):
         set_candidate(planner, one if k == 0 else two)
+        if is_known(planner):
+            continue
         trajectory = planner.candidate.trajectory
         generate_from_switch(planner, planner.candidate.path, planner.switch_kind, trajectory, parameters)
-        evaluate(
-            trajectory, predictions, planner.epoch, planner.changed, planner.drift_x, planner.drift_y,
-            planner.latest.heading, planner.halted == 1, parameters,
-        )  # fmt: skip
-        offer_candidate(planner, parameters)
+        evaluate_member(planner, planner.candidate, predictions, parameters)
+        offer_candidate(planner, predictions, parameters)
     return int(n)

@@ -39,39 +39,41 @@ def is_same(one: Record, two: Record) -> bool:
 def copy_member(target: Record, source: Record) -> None:
     """Make the target MEMBER equal to the source."""
     target.id = source.id
+    target.put_off, target.heading = source.put_off, source.heading
+    target.drift_x, target.drift_y = source.drift_x, source.drift_y
     copy_path(target.path, source.path)
     copy_trajectory(target.trajectory, source.trajectory, 0)
 
 
 @kernel
-def offer(members: Record, n: int, candidate: Record, parameters: Record, stream: Stream) -> int:
-    """Admit the candidate MEMBER if the rules allow; return the number of members afterwards.
+def has_path(members: Record, n: int, path: Record) -> bool:
+    """Return whether one of the first n members has this PATH already."""
+    for i in range(n):  # noqa: SIM110 - kernels know no `any`
+        if is_same(members[i].path, path):
+            return True
+    return False
 
-    Args:
-        members: array of MEMBER, the first n of which are in use.
-    """
-    any_infeasible = False
-    for i in range(n):
-        if is_same(members[i].path, candidate.path):
-            return n
-        any_infeasible = any_infeasible or members[i].trajectory.feasible == 0
-    if n < parameters.population:
-        copy_member(members[n], candidate)
-        return n + 1
-    if candidate.trajectory.feasible == 0 and not any_infeasible:
-        return n
-    best = best_member(members, n)
-    victim = -1
-    seen = 0
+
+@kernel
+def may_join(members: Record, n: int, feasible: int, parameters: Record) -> bool:
+    """Return whether a candidate with a new path may join the first n members: an infeasible one only its like."""
+    if n < parameters.population or feasible == 1:
+        return True
+    for i in range(n):  # noqa: SIM110 - as above
+        if members[i].trajectory.feasible == 0:
+            return True
+    return False
+
+
+@kernel
+def draw_victims(members: Record, n: int, best: int, feasible: int, stream: Stream) -> tuple[int, int]:
+    """Return two members, drawn among those that a candidate may replace; -1 for each that is not found in time."""
+    first = -1
     for _ in range(4 * n):
         i = below(stream, n)
-        if i == best or (candidate.trajectory.feasible == 0 and members[i].trajectory.feasible == 1):
+        if i == best or (feasible == 0 and members[i].trajectory.feasible == 1):
             continue
-        if victim < 0 or members[i].trajectory.fitness < members[victim].trajectory.fitness:
-            victim = i
-        seen += 1
-        if seen == 2:
-            break
-    if victim >= 0:
-        copy_member(members[victim], candidate)
-    return n
+        if first >= 0:
+            return first, i
+        first = i
+    return first, -1

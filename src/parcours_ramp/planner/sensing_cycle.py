@@ -7,8 +7,8 @@ import numpy as np
 from parcours.elementary import atan2
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.guard import evaluate_moving_on
+from parcours_ramp.planner.late_evaluation import catch_up_with_all, evaluate_member
 from parcours_ramp.planner.prediction import change_of, predict
-from parcours_ramp.planner.trajectory_evaluation import evaluate
 
 NOT_BEFORE_CONTROL = 100_000_000
 """The population is not evaluated when the next control cycle is nearer than this [ns] (published)."""
@@ -17,13 +17,14 @@ NOT_BEFORE_CONTROL = 100_000_000
 @kernel
 def note_nearest(planner: Record, obstacles: Record) -> None:
     """Keep direction and distance of the nearest obstacle, for the operator `move`."""
-    nearest = np.inf
+    nearest, near_x, near_y = np.inf, 0.0, 0.0
     for k in range(len(obstacles)):
         x, y = obstacles[k].pose.x - planner.latest.x, obstacles[k].pose.y - planner.latest.y
         distance = np.sqrt(x * x + y * y)
         if distance < nearest:
-            nearest = distance
-            planner.near_direction, planner.near_distance = atan2(y, x), distance
+            nearest, near_x, near_y = distance, x, y
+    if nearest < np.inf:
+        planner.near_direction, planner.near_distance = atan2(near_y, near_x), nearest
     planner.knows_obstacles = 1 if len(obstacles) > 0 else 0
 
 
@@ -35,12 +36,9 @@ def evaluates_population(planner: Record, now: int) -> bool:
 
 @kernel
 def evaluate_population(planner: Record, predictions: Record, parameters: Record) -> None:
-    """Evaluate every member of the population."""
+    """Evaluate every member of the population, or put that off."""
     for i in range(planner.n):
-        evaluate(
-            planner.members[i].trajectory, predictions, planner.epoch, planner.changed, planner.drift_x,
-            planner.drift_y, planner.latest.heading, planner.halted == 1, parameters,
-        )  # fmt: skip
+        evaluate_member(planner, planner.members[i], predictions, parameters)
 
 
 @kernel
@@ -61,6 +59,9 @@ def sensing_cycle(
     Returns:
         Whether the population was evaluated.
     """
+    evaluates = evaluates_population(planner, now)
+    if not evaluates:
+        catch_up_with_all(planner, predictions, parameters)
     changes = changes_of(planner, predictions, obstacles, stamp)
     for k in range(len(obstacles)):
         predict(obstacles[k], stamp, predictions[k])
@@ -70,7 +71,6 @@ def sensing_cycle(
         planner.epoch += 1
         planner.changed = 0.0
     note_nearest(planner, obstacles)
-    evaluates = evaluates_population(planner, now)
     if evaluates:
         evaluate_population(planner, predictions, parameters)
     evaluate_moving_on(planner, predictions, now, planner.changed, parameters)

@@ -8,10 +8,9 @@ members, of the latest time at which each can be joined smoothly (published).
 from __future__ import annotations
 
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.messages import MAX_KNOTS, SAMPLE, copy_path
+from parcours_ramp.planner.messages import MAX_KNOTS, SAMPLE
 from parcours_ramp.planner.parameters import ORIGINAL
-from parcours_ramp.planner.path_modification import insert_knot
-from parcours_ramp.planner.route import TRANSITION, can_switch
+from parcours_ramp.planner.route import TRANSITION, can_switch, is_cramped
 from parcours_ramp.planner.trajectory import pose_at
 from parcours_ramp.planner.trajectory_generator import generate
 
@@ -21,11 +20,11 @@ EARLIEST = 0.2  # No switch comes earlier than this after a control cycle [s]
 @kernel
 def switch_path(path: Record, pose: Record, kind: int, out: Record) -> None:
     """Set `out` to the PATH as entered from the state `pose`: for a switch, the pose comes before the path's anchor."""
-    copy_path(out, path)
-    if kind == TRANSITION and out.n < MAX_KNOTS:
-        insert_knot(out, 0, pose.x, pose.y)
-    else:
-        out.x[0], out.y[0] = pose.x, pose.y
+    more = 1 if kind == TRANSITION and path.n < MAX_KNOTS else 0
+    out.n = path.n + more
+    for i in range(path.n):
+        out.x[i + more], out.y[i + more] = path.x[i], path.y[i]
+    out.x[0], out.y[0] = pose.x, pose.y
 
 
 @kernel
@@ -88,7 +87,7 @@ def earliest_switch(planner: Record, followed: int, latest: int, parameters: Rec
             continue
         for i in range(planner.n):
             member = planner.members[i]
-            if member.switches == 0:
+            if member.switches == 0 or (member.path.n < MAX_KNOTS and is_cramped(member.path, planner.switch)):
                 continue
             switch_path(member.path, planner.switch, TRANSITION, planner.work_path)
             if can_switch(planner.work_path, planner.switch, parameters, planner.route):

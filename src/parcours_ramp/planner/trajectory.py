@@ -10,7 +10,7 @@ import numpy as np
 
 from parcours.elementary import atan2, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.corner import place_on_corner, shape_corner
+from parcours_ramp.planner.corner import corner_length, place_on_corner, shape_corner
 from parcours_ramp.planner.messages import (
     CURVE,
     LINE,
@@ -46,11 +46,12 @@ def time_route(route: Record, parameters: Record, trajectory: Record) -> None:
         v0 = 0.0 if kind == TURN else route.v_in[i]
         v1 = 0.0 if kind == TURN else route.v_in[i + 1]
         cap = parameters.w_max if kind == TURN else (route.v_in[i] if kind == CURVE else route.cap[i])
-        peak, up, hold, down = trapezoid(route.length[i], v0, v1, cap, rate)
+        length = corner_length(route.leg[i], route.angle[i]) if kind == CURVE else route.length[i]
+        peak, up, hold, down = trapezoid(length, v0, v1, cap, rate)
         clock += up + hold + down
         piece.kind, piece.x, piece.y, piece.heading = kind, route.x[i], route.y[i], route.heading[i]
         piece.s, piece.c = route.s[i], route.c[i]
-        piece.length, piece.leg, piece.angle = route.length[i], route.leg[i], route.angle[i]
+        piece.length, piece.leg, piece.angle = length, route.leg[i], route.angle[i]
         if kind == CURVE:
             piece.to_s, piece.to_c = route.to_s[i], route.to_c[i]
             shape_corner(piece)

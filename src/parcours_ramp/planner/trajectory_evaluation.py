@@ -42,13 +42,42 @@ def _first_meeting(
     first = passes_up_to(trajectory, epoch, changed, drift_x, drift_y)
     if first >= trajectory.n:
         return NO_COLLISION
-    earliest, slack, valid_until = earliest_collision(
-        trajectory, trajectory.begins, first, trajectory.n, predictions, drift_x, drift_y, parameters.plan_margin,
-        bool(parameters.may_leave) and first == 0, parameters,
-    )  # fmt: skip
+    # What it met at the last look it most likely meets again: then nobody needs to be followed beyond that.
+    last = max(int(min(trajectory.t_collision / SAMPLE, float(trajectory.n))), first) + 2
+    while True:
+        last = min(last, trajectory.n)
+        earliest, slack, valid_until = earliest_collision(
+            trajectory, trajectory.begins, first, last, predictions, drift_x, drift_y, parameters.plan_margin,
+            bool(parameters.may_leave) and first == 0, parameters,
+        )  # fmt: skip
+        if earliest < last or last == trajectory.n:
+            break
+        last = trajectory.n
     if first == 0:
         remember(trajectory, epoch, changed, drift_x, drift_y, slack, valid_until)
     return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION
+
+
+@kernel
+def _base_cost(trajectory: Record, heading: float, parameters: Record) -> tuple[float, float]:
+    """Return what the trajectory costs in time, and its first turn from the heading [rad]."""
+    angle = abs(wrap(trajectory.first_heading - heading))
+    cost = (
+        trajectory.duration
+        + trajectory.rest_length / parameters.estimate_v
+        + trajectory.rest_turn / parameters.estimate_w
+        + angle / PI
+    )
+    return cost, angle
+
+
+@kernel
+def fitness_unless_met(trajectory: Record, heading: float, halted: bool, parameters: Record) -> float:
+    """Return the fitness that the trajectory has if it meets nobody, which is the most it can have."""
+    cost, angle = _base_cost(trajectory, heading, parameters)
+    if trajectory.smooth == 0 and not halted:
+        cost += parameters.q_orientation * max(angle, MODEST_TURN) / PI
+    return 1.0 / max(cost, 1.0)
 
 
 @kernel
@@ -71,13 +100,7 @@ def evaluate(
         halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
     """
     t = _first_meeting(trajectory, predictions, epoch, changed, drift_x, drift_y, parameters)
-    angle = abs(wrap(trajectory.first_heading - heading))
-    cost = (
-        trajectory.duration
-        + trajectory.rest_length / parameters.estimate_v
-        + trajectory.rest_turn / parameters.estimate_w
-        + angle / PI
-    )
+    cost, angle = _base_cost(trajectory, heading, parameters)
     must_stop = trajectory.smooth == 0 and not halted
     if t < NO_COLLISION:
         cost += parameters.q_collision / (max(t, SAMPLE) if t > 0.0 else 1.0)

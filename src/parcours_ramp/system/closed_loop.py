@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from parcours.kernels import Record, kernel
 from parcours.streams import start
 from parcours_navigation.arena.observing import freeze_later, measure_robot, sense
-from parcours_navigation.arena.world import NEVER, advance, begin
+from parcours_navigation.arena.world import NEVER, advance, begin, bring_all, tick
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
@@ -142,7 +142,9 @@ def run_case(
                 break
         if now >= setting.limit + setting.extension:
             break
-        advance(world, obstacles, now)
+        tick(world, obstacles, now)
+        if now in (next_sensing, next_command):
+            bring_all(world, obstacles)
         if frozen and world.t_goal != NEVER:
             facts.t_goal_after = world.t_goal
             facts.moved_after = 1

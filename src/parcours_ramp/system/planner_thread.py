@@ -17,6 +17,7 @@ from parcours_ramp.planner.guard import (
     speed_limit,
     take_report,
 )
+from parcours_ramp.planner.late_evaluation import catch_up_with_all
 from parcours_ramp.planner.latency import draw
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planning_cycle import compensate, planning_cycle
@@ -70,6 +71,15 @@ def decide(work: Record, predictions: Record, now: int, parameters: Record, late
 
 
 @kernel
+def _take_report(work: Record, predictions: Record, stamp: int, parameters: Record) -> None:
+    """Let the planner take note of the last report, from `stamp` [ns]."""
+    planner = work.planner
+    if work.report_lag != planner.lag:  # then its trajectories begin later
+        catch_up_with_all(planner, predictions, parameters)
+    take_report(planner, work.report, stamp, work.report_lag)
+
+
+@kernel
 def _callback(
     work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
 ) -> bool:
@@ -81,7 +91,7 @@ def _callback(
         return False
     if work.report_time == first:
         work.report_time = FAR
-        take_report(planner, work.report, first, work.report_lag)
+        _take_report(work, predictions, first, parameters)
         if (
             parameters.schedule == GUARDED
             and planner.halted
@@ -116,7 +126,7 @@ def guard(
 ) -> None:
     """Run the guard as a task of its own on the obstacles just seen; it can only halt, or limit the speed."""
     planner = work.planner
-    take_report(planner, work.report, work.t_report, work.report_lag)
+    _take_report(work, predictions, work.t_report, parameters)
     limit = speed_limit(planner, seen, parameters)
     changes, halts = limit != work.limit, False
     work.limit = limit
