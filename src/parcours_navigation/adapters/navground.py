@@ -81,17 +81,15 @@ class Navground:
         made.pose = core.Pose2((x, y), heading)
         made.twist = core.Twist2((float(robot[SPEED]), 0.0), float(robot[YAW_RATE]), core.Frame.relative)
         made.target = core.Target.Point((aim.x, aim.y), near if aim.is_goal else 0.0)
-        state = made.environment_state
-        if state is not None:
+        if (state := made.environment_state) is not None:
             state.neighbors = [self._neighbor(k, row) for k, row in enumerate(observation.obstacles)]
             state.static_obstacles = [
                 core.Disc((float(row[X]), float(row[Y])), float(row[RADIUS]))
                 for row in self._surroundings.discs(observation, self._horizon)
             ]
         twist = made.compute_cmd(task.period or 0.05, core.Frame.relative)
-        ahead, left = (float(each) for each in twist.velocity)
-        w = float(twist.angular_speed)
-        return Velocity(ahead, left, w) if is_holonomic else Command(ahead, w)
+        ahead, left, turning = map(float, (*twist.velocity, twist.angular_speed))
+        return Velocity(ahead, left, turning) if is_holonomic else Command(ahead, turning)
 
     def _neighbor(self, k: int, row: Any) -> Any:
         s, c = sin_cos(float(row[HEADING]))

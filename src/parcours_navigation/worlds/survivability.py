@@ -7,7 +7,6 @@ other place is not asked. Between two entries of their tracks, 50 ms apart, they
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +28,7 @@ LONGEST = 120.0
 """A case is watched for so long at most [s]."""
 
 
-def survived_worlds(
-    cases: WorldCases, numbers: NDArray[np.int64], progress: Callable[[int, int], None] = lambda done, total: None
-) -> Floats:
+def survived_worlds(cases: WorldCases, numbers: NDArray[np.int64]) -> Floats:
     """Return the survivability of cases, in [0, 1], 1 the easiest; NaN where there is no free place, shape (n,).
 
     It is the mean over SIDE x SIDE places of the time until somebody moves into a robot that stands there, as a share
@@ -57,7 +54,6 @@ def survived_worlds(
             reaches = np.ascontiguousarray(scene.obstacles["radius"]) + float(scene.robot["radius"][0])
             found[k] = _survived(rows[:, 0] * 1e-9, np.ascontiguousarray(places), reaches, np.array(area, float),
                                  land.packed, float(scene.robot["radius"][0]), limit)  # fmt: skip
-        progress(k + 1, len(numbers))
     return found
 
 

@@ -23,9 +23,9 @@ _LONG_AFTER = 60_000_000_000  # No case lasts so long [ns]
 _COMMANDS = 8  # of a control before all is done
 
 
-def parameters_of(case: Case, base: Parameters | None = None) -> Parameters:
+def parameters_of(case: Case) -> Parameters:
     """Return RAMP's parameters, guarded by default, with the case's population."""
-    return replace(base or guarded(), population=int(case["population"]))
+    return replace(guarded(), population=int(case["population"]))
 
 
 def robot_of(case: Case, parameters: Parameters) -> Record:

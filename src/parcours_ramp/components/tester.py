@@ -20,7 +20,6 @@ from parcours.suite import Case
 from parcours_ramp.components.components import LATER, PROMPT_OF, PROMPTS, component_of, parameters_of, robot_of
 from parcours_ramp.components.environment_messages import FIRST, Supply
 from parcours_ramp.planner.messages import StateReport
-from parcours_ramp.planner.parameters import Parameters
 
 
 class ComponentTester:
@@ -32,11 +31,11 @@ class ComponentTester:
         visits: the events of the case where an instance has several conversations, and what comes beside them.
     """
 
-    def __init__(self, case: Case, parameters: Parameters | None = None, visits: Visits | None = None) -> None:
+    def __init__(self, case: Case, visits: Visits | None = None) -> None:
         events = visits.events if visits is not None else ()
         self._again = visits.again if visits is not None else {}
         self._case = case
-        self._parameters = parameters_of(case, parameters)
+        self._parameters = parameters_of(case)
         self._begin = robot_of(case, self._parameters)
         self._serials: dict[int, int] = {}  # event -> the number of its planner's sensing conversation
         self._controls: dict[int, int] = {}  # event -> the number of the control conversation that has to end before it

@@ -43,16 +43,14 @@ def _first_meeting(
     if first >= trajectory.n:
         return NO_COLLISION
     # What it met at the last look it most likely meets again: then nobody needs to be followed beyond that.
-    last = max(int(min(trajectory.t_collision / SAMPLE, float(trajectory.n))), first) + 2
-    while True:
-        last = min(last, trajectory.n)
+    likely = max(int(min(trajectory.t_collision / SAMPLE, float(trajectory.n))), first) + 2
+    for last in (min(likely, trajectory.n), trajectory.n):
         earliest, slack, valid_until = earliest_collision(
             trajectory, trajectory.begins, first, last, predictions, drift_x, drift_y, parameters.plan_margin,
             bool(parameters.may_leave) and first == 0, parameters,
         )  # fmt: skip
         if earliest < last or last == trajectory.n:
             break
-        last = trajectory.n
     if first == 0:
         remember(trajectory, epoch, changed, drift_x, drift_y, slack, valid_until)
     return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION

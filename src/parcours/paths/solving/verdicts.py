@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Literal, TypeAlias
 
 from parcours.errors import BadRequest
@@ -135,6 +136,4 @@ def require_solver() -> None:
 
 def has_solver() -> bool:
     """Return whether the solver z3 can be imported."""
-    from importlib.util import find_spec
-
     return find_spec("z3") is not None

@@ -80,8 +80,8 @@ def _short(
     model: Cefsm, policy: str, chooser: Chooser, cases: Mapping[str, AbstractCase], listed: Mapping[str, AbstractCase]
 ) -> dict[str, AbstractCase]:
     """Return cases of short runs, of which each takes something that no case before it takes."""
-    wanted = {each for case in listed.values() for each in _taken(case)}
-    left = wanted - {each for case in cases.values() for each in _taken(case)}
+    left = {each for case in listed.values() for each in _taken(case)}
+    left -= {each for case in cases.values() for each in _taken(case)}
     paths = {
         component.name: tuple(
             InternalPath(f"tp{c}x{k}", component.name, machine.name, run)
@@ -98,9 +98,7 @@ def _short(
         candidates = list(islice(abstract_cases(model, policy or None, paths=paths), _TRIED))
     except BadRequest:  # too many combinations to look at
         return {}
-    for case in sorted(
-        candidates, key=lambda case: sum(len(path.transitions) for _, path in case.combination.references)
-    ):
+    for case in sorted(candidates, key=lambda case: sum(1 for _ in _taken(case))):
         new = left & set(_taken(case))
         if new and not chooser.stimuli(serialise(case), {}).infeasible:
             found[case.id] = case

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.binding.message_types import read_definitions
+from parcours.run.binding.message_types import installed_type, read_definitions
 from parcours.run.hosts.ros1 import PACKAGES, interpreter_with, no_ros
 from parcours.run.hosts.ros1.endpoints import ANY, Kind
 
@@ -83,7 +83,7 @@ class ForeignTypes:
 
     def service(self, name: str) -> Kind | None:
         """Return what a service type is called in headers; None if it is unknown."""
-        found = _imported(name, "srv")
+        found = installed_type(name, "srv")
         if found is not None:
             return Kind(name, found._md5sum)
         halves = _PARTS.split(self._texts.get(name, ""))
@@ -104,10 +104,10 @@ class ForeignTypes:
             import genpy
 
             return genpy.Time if name == "time" else genpy.Duration
-        found = _imported(name, "msg")
+        found = installed_type(name, "msg")
         for half, attribute in _HALVES.items():
             if found is None and name.endswith(half):
-                found = getattr(_imported(name.removesuffix(half), "srv"), attribute, None)
+                found = getattr(installed_type(name.removesuffix(half), "srv"), attribute, None)
         if found is None and (text := self._text(name)) is not None:
             found = _generated(name, self._whole(name, text))
         if found is None and name in self._learned:
@@ -154,15 +154,6 @@ class ForeignTypes:
                 raise BadRequest(owner, rule, "name the folder of its package, too", slug="unknown-message-type")
             text = _NESTED.split(whole)[0]
         return text
-
-
-def _imported(name: str, kind: str) -> Any:
-    """Return the class of an installed type, or None."""
-    package, _, base = name.partition("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.{kind}"), base, None)
-    except ImportError:
-        return None
 
 
 def _generated(name: str, definition: str) -> Any:

@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from parcours.run.binding import Binding, MessageTypes
-from parcours.run.binding.message_types import slot_of
+from parcours.run.binding.message_types import installed_type, slot_of
 from parcours.run.hosts.ros2.building import built
 from parcours.run.hosts.ros2.participant import require_rclpy
 from parcours.run.recording import Raw
@@ -54,7 +54,7 @@ class Ros2Types:
 
     def find(self, name: str) -> Any:
         """Return the class of a message, of half a service (`nav_msgs/GetPlanRequest`) or an action's goal, or None."""
-        found = _imported(name, "msg")
+        found = installed_type(name, "msg")
         action = _OF_ACTION.fullmatch(name)
         if found is None and action is not None:
             kind = self.action(action["action"])
@@ -71,11 +71,11 @@ class Ros2Types:
         if part in ("SendGoal", "GetResult"):
             kind = self.action(action)
             return kind and getattr(kind.Impl, f"{part}Service")
-        return _imported(name, "srv")
+        return installed_type(name, "srv")
 
     def action(self, name: str) -> Any:
         """Return the class of an action; None if it is unknown."""
-        return _imported(name, "action")
+        return installed_type(name, "action")
 
     def kind(self, name: str) -> Raw | None:
         """Return an empty message of a type, with its definition; None if the type is unknown."""
@@ -125,12 +125,3 @@ def _in_words(text: str) -> str:
         return _in_words(listed["item"]) + (f"[<={bound}]" if bound else "[]")
     base, bracket, length = text.partition("[")
     return _BOUND.sub(r"<=\1", _WORDS.get(base, base)) + bracket + length
-
-
-def _imported(name: str, kind: str) -> Any:
-    """Return the class of an installed type, or None."""
-    package, _, base = name.partition("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.{kind}"), base, None)
-    except ImportError:
-        return None
