@@ -82,10 +82,10 @@ def test_where_a_corner_is_cramped_a_way_cannot_be_joined() -> None:
         pose.heading = direction + rng.normal(0.0, 0.02)
         switch_path(path, pose, TRANSITION, joined)
         if can_switch(joined, pose, parameters, route):
-            assert not is_cramped(path, pose)
+            assert not is_cramped(path, 0, pose)
             counts[True] += 1
         else:
-            counts[False] += is_cramped(path, pose)
+            counts[False] += is_cramped(path, 0, pose)
     assert min(counts.values()) > 300
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.population import best_member
-from parcours_ramp.planner.trajectory_evaluation import evaluate, fitness_unless_met
+from parcours_ramp.planner.trajectory_evaluation import evaluate, fittest_stop
 
 
 @kernel
@@ -49,14 +49,9 @@ def catch_up_with_all(planner: Record, predictions: Record, parameters: Record) 
 
 @kernel
 def catch_up_with_best(planner: Record, predictions: Record, parameters: Record) -> int:
-    """Evaluate all members that might be the fittest, and return the index of the one that is."""
+    """Evaluate all members if one that was put off might be the fittest, and return the index of the one that is."""
     best = best_member(planner.members, planner.n)
-    for i in range(planner.n):
-        member = planner.members[i]
-        if member.put_off == 0:
-            continue
-        most = fitness_unless_met(member.trajectory, member.heading, False, parameters)
-        if most >= planner.members[best].trajectory.fitness:
-            catch_up(planner, member, predictions, parameters)
-            best = best_member(planner.members, planner.n)
-    return int(best)
+    if planner.members[best].trajectory.fitness > fittest_stop(parameters):
+        return int(best)
+    catch_up_with_all(planner, predictions, parameters)
+    return int(best_member(planner.members, planner.n))

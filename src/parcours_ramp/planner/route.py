@@ -274,15 +274,15 @@ def _estimate_rest(path: Record, route: Record) -> None:
 
 
 @kernel
-def is_cramped(path: Record, pose: Record) -> bool:
-    """Return whether a corner at the first knot of the PATH leaves no room to round it, coming from the state `pose`.
+def is_cramped(path: Record, first: int, pose: Record) -> bool:
+    """Return whether a corner at the knot `first` of the PATH, next after `pose`, leaves no room to round it.
 
     Then `can_switch` says no; this says it in a tenth of the time.
     """
-    if path.n < 2:
+    if path.n < first + 2:
         return False
-    x, y = path.x[0] - pose.x, path.y[0] - pose.y
-    after_x, after_y = path.x[1] - path.x[0], path.y[1] - path.y[0]
+    x, y = path.x[first] - pose.x, path.y[first] - pose.y
+    after_x, after_y = path.x[first + 1] - path.x[first], path.y[first + 1] - path.y[first]
     before, after = x * x + y * y, after_x * after_x + after_y * after_y
     least, short = 1.001 * NEAR * NEAR, 0.999 * SHORTEST_LEG * SHORTEST_LEG
     along = x * after_x + y * after_y
@@ -305,9 +305,9 @@ def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route:
         pose: POSE the robot has there; its speed need not be zero.
         route: ROUTE that is filled. `smooth` is 0 if the robot must stop and rotate before it can follow the way.
     """
-    needs_stop = False
+    needs_stop, cramped = False, kind == TRANSITION and is_cramped(path, 1, pose)
     for attempt in range(4):
-        if needs_stop and attempt < 2:
+        if (needs_stop and attempt < 2) or (cramped and attempt == 0):
             continue
         tried = kind if attempt == 0 or kind == HOLONOMIC else (HYBRID if attempt == 2 else HOLONOMIC)
         laid = _lay(path, pose, tried, attempt >= 2, parameters, route)

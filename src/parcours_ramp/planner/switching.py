@@ -87,7 +87,7 @@ def earliest_switch(planner: Record, followed: int, latest: int, parameters: Rec
             continue
         for i in range(planner.n):
             member = planner.members[i]
-            if member.switches == 0 or (member.path.n < MAX_KNOTS and is_cramped(member.path, planner.switch)):
+            if member.switches == 0 or (member.path.n < MAX_KNOTS and is_cramped(member.path, 0, planner.switch)):
                 continue
             switch_path(member.path, planner.switch, TRANSITION, planner.work_path)
             if can_switch(planner.work_path, planner.switch, parameters, planner.route):

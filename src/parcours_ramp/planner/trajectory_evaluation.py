@@ -57,25 +57,9 @@ def _first_meeting(
 
 
 @kernel
-def _base_cost(trajectory: Record, heading: float, parameters: Record) -> tuple[float, float]:
-    """Return what the trajectory costs in time, and its first turn from the heading [rad]."""
-    angle = abs(wrap(trajectory.first_heading - heading))
-    cost = (
-        trajectory.duration
-        + trajectory.rest_length / parameters.estimate_v
-        + trajectory.rest_turn / parameters.estimate_w
-        + angle / PI
-    )
-    return cost, angle
-
-
-@kernel
-def fitness_unless_met(trajectory: Record, heading: float, halted: bool, parameters: Record) -> float:
-    """Return the fitness that the trajectory has if it meets nobody, which is the most it can have."""
-    cost, angle = _base_cost(trajectory, heading, parameters)
-    if trajectory.smooth == 0 and not halted:
-        cost += parameters.q_orientation * max(angle, MODEST_TURN) / PI
-    return 1.0 / max(cost, 1.0)
+def fittest_stop(parameters: Record) -> float:
+    """Return the most fitness that a trajectory can have if a moving robot must stop to join it."""
+    return float(1.0 / max(parameters.q_orientation * MODEST_TURN / PI, 1.0))
 
 
 @kernel
@@ -98,7 +82,13 @@ def evaluate(
         halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
     """
     t = _first_meeting(trajectory, predictions, epoch, changed, drift_x, drift_y, parameters)
-    cost, angle = _base_cost(trajectory, heading, parameters)
+    angle = abs(wrap(trajectory.first_heading - heading))
+    cost = (
+        trajectory.duration
+        + trajectory.rest_length / parameters.estimate_v
+        + trajectory.rest_turn / parameters.estimate_w
+        + angle / PI
+    )
     must_stop = trajectory.smooth == 0 and not halted
     if t < NO_COLLISION:
         cost += parameters.q_collision / (max(t, SAMPLE) if t > 0.0 else 1.0)
