@@ -118,7 +118,7 @@ class Run:
         evaluate_population(planner, self.predictions, self.parameters)
 
     def check_population(self) -> None:
-        """Compare every member with a copy of it that is evaluated without memory; those put off are caught up with."""
+        """Compare every member with a copy of it that is evaluated without memory; none stays put off."""
         planner, fresh = self.planner, one(TRAJECTORY)
         drift, heading = (float(planner.drift_x), float(planner.drift_y)), float(planner.latest.heading)
         planner.drift_x, planner.drift_y, planner.latest.heading = 1.0, -1.0, 1.0  # these no longer count

@@ -137,7 +137,7 @@ def bring_all(world: Record, obstacles: Record) -> None:
 
 @kernel
 def tick(world: Record, obstacles: Record, until: int) -> None:
-    """Do what `advance` does, but bring only those obstacles along that might touch the robot."""
+    """Advance the world like `advance`, but move only the obstacles that might touch the robot."""
     robot = world.robot
     while world.now + TICK <= until:
         x, y = robot.x, robot.y

@@ -1,20 +1,20 @@
-"""Evaluations that are put off until somebody asks: those of members that are infeasible, whomever they meet.
+"""Evaluations that are put off until their result is needed: those of members that are infeasible in any case.
 
-A moving robot cannot follow a trajectory that it cannot join without a stop. How bad such a member is, only a look at
-the obstacles tells; but most are replaced, or evaluated again, before anybody asks. Before predictions or the times of
-trajectories change, members are caught up with.
+A moving robot cannot follow a trajectory that it cannot join without a stop. Only a search for collisions tells how bad
+such a member is, but most are replaced, or evaluated again, before that matters. What was put off is done before
+predictions, or the times at which trajectories begin, change.
 """
 
 from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.population import best_member
-from parcours_ramp.planner.trajectory_evaluation import evaluate, fittest_stop
+from parcours_ramp.planner.trajectory_evaluation import evaluate, fitness_limit
 
 
 @kernel
 def evaluate_member(planner: Record, member: Record, predictions: Record, parameters: Record) -> None:
-    """Evaluate the MEMBER, or put that off."""
+    """Evaluate the MEMBER, or put that off if it is infeasible in any case."""
     trajectory, heading, halted = member.trajectory, planner.latest.heading, planner.halted == 1
     member.put_off = 0
     if trajectory.smooth == 0 and not halted and planner.epoch > 0:
@@ -30,7 +30,7 @@ def evaluate_member(planner: Record, member: Record, predictions: Record, parame
 
 @kernel
 def catch_up(planner: Record, member: Record, predictions: Record, parameters: Record) -> None:
-    """Evaluate the MEMBER as it would have been evaluated when that was put off, if it was."""
+    """If the evaluation of the MEMBER was put off, evaluate it now, with the drift and heading of then."""
     if member.put_off == 0:
         return
     member.put_off = 0
@@ -49,9 +49,9 @@ def catch_up_with_all(planner: Record, predictions: Record, parameters: Record) 
 
 @kernel
 def catch_up_with_best(planner: Record, predictions: Record, parameters: Record) -> int:
-    """Evaluate all members if one that was put off might be the fittest, and return the index of the one that is."""
+    """Return the index of the fittest member; if one that was put off might be it, evaluate all of them first."""
     best = best_member(planner.members, planner.n)
-    if planner.members[best].trajectory.fitness > fittest_stop(parameters):
+    if planner.members[best].trajectory.fitness > fitness_limit(parameters):
         return int(best)
     catch_up_with_all(planner, predictions, parameters)
     return int(best_member(planner.members, planner.n))

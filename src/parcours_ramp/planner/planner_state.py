@@ -29,8 +29,8 @@ PLANNER = np.dtype(
         ("moving_on", TRAJECTORY),  # what the robot is to do since the last control cycle
         ("moving_on_hit", "i8"),  # 1 if its guarded part met an obstacle when it was last evaluated
         ("moving_on_t", "f8"),  # when it would [s]
-        ("moving_on_looked", "i8"),  # from when on it was followed in the last look at all obstacles [ns]
-        ("fastest", "f8"),  # how fast the fastest of them was predicted to be [m/s]
+        ("moving_on_looked", "i8"),  # when the robot was taken to set out, in the last look at all obstacles [ns]
+        ("fastest", "f8"),  # the greatest speed predicted of them [m/s]
         *fields("i8", "t_control t_next"),  # last and next control cycle [ns]
         ("anchor", POSE),  # the state expected after the longest period, where paths begin
         ("switch", POSE),  # the state expected at the next control cycle, where trajectories begin

@@ -48,26 +48,27 @@ def copy_member(target: Record, source: Record) -> None:
 @kernel
 def has_path(members: Record, n: int, path: Record) -> bool:
     """Return whether one of the first n members has this PATH already."""
-    for i in range(n):  # noqa: SIM110 - kernels know no `any`
-        if is_same(members[i].path, path):
-            return True
-    return False
+    found = False
+    for i in range(n):
+        found = found or is_same(members[i].path, path)
+    return found
 
 
 @kernel
 def may_join(members: Record, n: int, feasible: int, parameters: Record) -> bool:
-    """Return whether a candidate with a new path may join the first n members: an infeasible one only its like."""
-    if n < parameters.population or feasible == 1:
-        return True
-    for i in range(n):  # noqa: SIM110 - as above
-        if members[i].trajectory.feasible == 0:
-            return True
-    return False
+    """Return whether a candidate with a new path may join the first n members.
+
+    An infeasible one may not join a full population of feasible members.
+    """
+    may = n < parameters.population or feasible == 1
+    for i in range(n):
+        may = may or members[i].trajectory.feasible == 0
+    return bool(may)
 
 
 @kernel
 def draw_victims(members: Record, n: int, best: int, feasible: int, stream: Stream) -> tuple[int, int]:
-    """Return two members, drawn among those that a candidate may replace; -1 for each that is not found in time."""
+    """Draw two of the members that a candidate may replace, perhaps one twice; -1 for each that is not found."""
     first = -1
     for _ in range(4 * n):
         i = below(stream, n)

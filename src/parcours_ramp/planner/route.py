@@ -39,7 +39,7 @@ ROUTE = np.dtype(
         *fields("f8", "to_s to_c", MAX_PIECES),  # those of the heading at the end of a curve
         *fields(
             "f8", "length leg angle", MAX_PIECES
-        ),  # [m], or [rad] for a turn; of a curve [m]; of curve or turn [rad]
+        ),  # [m], or [rad] for a turn, unset for a curve; of a curve [m]; of curve or turn [rad]
         ("cap", "f8", (MAX_PIECES,)),  # speed limit [m/s]
         ("v_in", "f8", (MAX_PIECES + 1,)),  # speed at the start of each piece [m/s], and at the end
         ("knot", "i8", (MAX_PIECES,)),  # the knot that the end of the piece passes; 0 for none
@@ -57,7 +57,7 @@ GENTLE = 0.3  # Heading change up to which no stop is needed [rad]
 SLOW_CORNER = 0.4  # A corner that cannot be driven at this share of the top speed is not rounded
 SHORTEST_LEG = 0.1  # A rounded corner needs segments of at least this length [m]
 _LAID, _IMPOSSIBLE, _NEEDS_STOP = 0, 1, 2  # What comes of laying one kind of way
-_BENT = 0.93  # Square of the cosine of an angle that is a corner, however the way to it begins
+_BENT = 0.93  # Square of the cosine of an angle that is a corner even if the way to it begins with a curve
 
 
 @kernel
@@ -277,7 +277,7 @@ def _estimate_rest(path: Record, route: Record) -> None:
 def is_cramped(path: Record, first: int, pose: Record) -> bool:
     """Return whether a corner at the knot `first` of the PATH, next after `pose`, leaves no room to round it.
 
-    Then `can_switch` says no; this says it in a tenth of the time.
+    Then `can_switch` returns False; this tells sooner.
     """
     if path.n < first + 2:
         return False

@@ -42,7 +42,7 @@ def _first_meeting(
     first = passes_up_to(trajectory, epoch, changed, drift_x, drift_y)
     if first >= trajectory.n:
         return NO_COLLISION
-    # What it met at the last look it most likely meets again: then nobody needs to be followed beyond that.
+    # It most likely meets again what it met at the last look, so look no farther than that at first.
     likely = max(int(min(trajectory.t_collision / SAMPLE, float(trajectory.n))), first) + 2
     for last in (min(likely, trajectory.n), trajectory.n):
         earliest, slack, valid_until = earliest_collision(
@@ -57,8 +57,8 @@ def _first_meeting(
 
 
 @kernel
-def fittest_stop(parameters: Record) -> float:
-    """Return the most fitness that a trajectory can have if a moving robot must stop to join it."""
+def fitness_limit(parameters: Record) -> float:
+    """Return the greatest fitness that a trajectory can have if a moving robot must stop to join it."""
     return float(1.0 / max(parameters.q_orientation * MODEST_TURN / PI, 1.0))
 
 

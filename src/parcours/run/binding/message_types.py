@@ -6,7 +6,6 @@ imported: who has it gives a function from the name of a type to its class.
 
 from __future__ import annotations
 
-import importlib
 import io
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -203,12 +202,3 @@ def read_definitions(folders: Iterable[Path]) -> dict[str, str]:
                 rule = f"at most {MAX_DEFINITIONS} definitions are read, but there are more"
                 raise BadRequest(str(folder), rule, "name the folders of the packages", slug="message-definition")
     return found
-
-
-def installed_type(name: str, kind: str) -> Any:
-    """Return the class of an installed type of a kind (msg, srv, action), or None."""
-    package, _, base = name.partition("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.{kind}"), base, None)
-    except ImportError:
-        return None

@@ -5,6 +5,7 @@ Messages are bytes here. `hosts.ros1.foreign_graph` and `hosts.ros2.foreign_grap
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
@@ -182,3 +183,12 @@ def types_of(binding: Binding, learned: Collection[Raw] = ()) -> MessageTypes:
     for raw in learned:
         found.learn(Kind(raw.type, raw.md5, raw.definition))
     return MessageTypes(found.find)
+
+
+def installed_type(name: str, kind: str) -> Any:
+    """Return the class of an installed type of a kind (msg, srv, action), or None."""
+    package, _, base = name.partition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{kind}"), base, None)
+    except ImportError:
+        return None

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.binding.message_types import installed_type, read_definitions
+from parcours.run.binding.message_types import read_definitions
+from parcours.run.hosts.foreign.graph import installed_type
 from parcours.run.hosts.ros1 import PACKAGES, interpreter_with, no_ros
 from parcours.run.hosts.ros1.endpoints import ANY, Kind
 

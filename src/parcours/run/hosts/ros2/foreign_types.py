@@ -8,7 +8,8 @@ import sys
 from typing import Any
 
 from parcours.run.binding import Binding, MessageTypes
-from parcours.run.binding.message_types import installed_type, slot_of
+from parcours.run.binding.message_types import slot_of
+from parcours.run.hosts.foreign.graph import installed_type
 from parcours.run.hosts.ros2.building import built
 from parcours.run.hosts.ros2.participant import require_rclpy
 from parcours.run.recording import Raw
