@@ -100,6 +100,11 @@ VERDICT_OF = dict.fromkeys(Outcome, Verdict.FAIL) | {
 """The verdict each outcome earns."""
 
 
+DECISIVE = ("error", "n_robot_contacts", "n_shared_contacts", "n_contacts_after", "t_goal", "t_goal_after", "goal_gap",
+            "halted", "moved_after")  # fmt: skip
+"""The fields of FACTS that decide the sound outcome."""
+
+
 def touched(facts: Facts) -> Flags:
     """Return in which cases the robot caused a collision, during the test or afterwards."""
     counts = facts["n_robot_contacts"] + facts["n_shared_contacts"] + facts["n_contacts_after"]
@@ -115,16 +120,14 @@ def outcomes(facts: Facts) -> NDArray[np.int64]:
     >>> [Outcome(code).name for code in outcomes(facts)]
     ['REACHED', 'STUCK']
     """
-    conditions = [
-        facts["error"] != 0,
-        touched(facts),
-        facts["t_goal"] != NEVER,
-        facts["t_goal_after"] != NEVER,
-        facts["goal_gap"] < 0.0,
-        (facts["halted"] == 1) & (facts["moved_after"] == 0),
-    ]
-    choices = [Outcome.ERROR, Outcome.COLLIDED, Outcome.REACHED, Outcome.UNDER_WAY, Outcome.BLOCKED, Outcome.STUCK]
-    return np.select(conditions, [int(code) for code in choices], int(Outcome.ASTRAY)).astype(np.int64)
+    found = np.full(len(facts), Outcome.ASTRAY, np.int64)
+    found[(facts["halted"] == 1) & (facts["moved_after"] == 0)] = Outcome.STUCK
+    found[facts["goal_gap"] < 0.0] = Outcome.BLOCKED
+    found[facts["t_goal_after"] != NEVER] = Outcome.UNDER_WAY
+    found[facts["t_goal"] != NEVER] = Outcome.REACHED
+    found[touched(facts)] = Outcome.COLLIDED
+    found[facts["error"] != 0] = Outcome.ERROR
+    return found
 
 
 def true_time_left(facts: Facts) -> NDArray[np.float64]:

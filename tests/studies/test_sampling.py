@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from parcours.verdict.judgement import Judgement
 from parcours_ramp.planner import viewing
 from parcours_ramp.system import sampling
 from parcours_ramp.system.component_form import run_components
-from parcours_ramp.system.sampled_results import read_sampled
+from parcours_ramp.system.sampled_results import FILE, read_sampled
 from parcours_ramp.system.sampling import judge_sampled
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
@@ -29,6 +31,13 @@ def test_sound_cases_pass_and_are_reported(schedule: str, tmp_path: Path, monkey
     run = CliRunner().invoke(parcours, [*arguments, "--workers", "1", "--out", str(tmp_path)])
     assert {number: one["verdict"] for number, one in read_sampled(tmp_path).items()} == {"0": "pass", "3": "pass"}
     assert "Sampled cases" in run.output
+    before = shutil.copytree(tmp_path, tmp_path / "before")
+    failed = json.loads((tmp_path / FILE).read_bytes())
+    failed["3"]["verdict"] = "fail"
+    (tmp_path / FILE).write_text(json.dumps(failed))
+    compared = CliRunner().invoke(parcours, ["compare", str(before), str(tmp_path), "--json"])
+    document = json.loads(compared.output)[str(tmp_path)]
+    assert document["shared"] == 6 and [one.endswith("/0/data") for one in document["flipped"]] == [True]
 
 
 def test_data_that_are_wrong_fail_their_case(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,8 @@ import click
 if TYPE_CHECKING:
     from parcours.report.junit import CaseResult
     from parcours.study import Results, Study
-    from parcours.study.gate import Baseline, GateCondition
+    from parcours.study.comparing import Baseline
+    from parcours.study.gate import GateCondition
 
     Families = Sequence[tuple[Study, dict[str, Results]]]
 
@@ -39,7 +40,8 @@ def conclude(
     Conditions and a baseline decide alone where there are some; else the verdicts of the cases do.
     """
     from parcours.run.locations import location
-    from parcours.study.gate import check_conditions, compare_with_baseline, exit_code
+    from parcours.study.comparing import compare_with_baseline, outline_of
+    from parcours.study.gate import check_conditions, exit_code
 
     if junit is not None:
         from parcours.report.junit import to_junit
@@ -55,7 +57,8 @@ def conclude(
                 click.echo(f"{'FAILED' if checked.failed else 'ok'}: {checked.name}: {checked.why}", err=True)
             if baseline is not None:
                 require_same_cases(location(folder), baseline)
-                failed |= _is_worse(compare_with_baseline(results, study.read(baseline)), baseline)
+                compared = compare_with_baseline(outline_of(results), outline_of(study.read(baseline)))
+                failed |= _is_worse(compared, baseline)
     if conditions or baseline is not None:
         raise click.exceptions.Exit(1 if failed else 0)
     if code := exit_code(one for _, results in families for one in results.values()):

@@ -8,6 +8,7 @@ Nothing in it says who wrote it or when: the same rows are the same bytes, by on
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -61,15 +62,20 @@ def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> 
 
     try:
         file = pq.ParquetFile(pa.BufferReader(content))
-        names = [name for name, _ in _leaves(np.empty(0, dtype))]
-        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != names:
+        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != _names(dtype):
             raise ValueError(f"{len(rows)} rows of {dtype.itemsize} bytes are expected, but it holds others")
         leaves = dict(_leaves(rows))
         table = file.read(list(leaves), use_threads=False)
         for name, places in leaves.items():
-            places[...] = _unpacked(table.column(name).combine_chunks(), places)
+            column = table.column(name)
+            places[...] = _unpacked(column.chunk(0) if column.num_chunks == 1 else column.combine_chunks(), places)
     except (pa.ArrowException, OSError, KeyError) as error:
         raise ValueError(str(error)) from error
+
+
+@functools.lru_cache(maxsize=8)
+def _names(dtype: np.dtype[np.void]) -> list[str]:
+    return [name for name, _ in _leaves(np.empty(0, dtype))]
 
 
 def _leaves(rows: NDArray[Any], name: str = "") -> Iterator[tuple[str, NDArray[Any]]]:

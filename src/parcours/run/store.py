@@ -29,7 +29,7 @@ from parcours.run.manifest import Campaign as Campaign
 from parcours.run.manifest import differences, read_manifest, write_manifest
 from parcours.run.stops import read_stop
 
-_PART = 8192  # cases that are read together at least: small enough for a cache, large enough for NumPy
+_PART = 4 << 20  # bytes of rows that are read together: few enough for a cache, enough for NumPy
 _SUM = re.compile(r"shard-(\d{6,})\.parquet\.sha256", re.ASCII)
 
 Rows = NDArray[np.void]
@@ -120,11 +120,10 @@ class Store:
         Raises:
             BadResults: the shard is missing, cut short, changed since, or of another form.
         """
-        return self._read((shard,), names)
+        return self._read((shard,), _chosen(self.campaign.dtype, names))
 
-    def _read(self, shards: Sequence[int], names: Sequence[str]) -> Rows:
-        dtype, n = self.campaign.dtype, sum(len(self.campaign.cases(shard)) for shard in shards)
-        rows = np.empty(n, _chosen(dtype, names) if names else dtype)
+    def _read(self, shards: Sequence[int], dtype: np.dtype[np.void]) -> Rows:
+        rows = np.empty(sum(len(self.campaign.cases(shard)) for shard in shards), dtype)
         self._fill(rows, shards)
         return rows
 
@@ -144,7 +143,7 @@ class Store:
 
         def is_damaged(shard: int) -> bool:
             try:
-                self._read((shard,), self.campaign.dtype.names[:1])  # type: ignore[index]
+                self.read(shard, self.campaign.dtype.names[:1])  # type: ignore[index]
             except BadResults:
                 return True
             return False
@@ -163,13 +162,14 @@ class Store:
 
         Raises BadResults: a shard is damaged.
         """
-        finished, together = self.in_order(), max(1, _PART // self.campaign.shard_size)
+        dtype = _chosen(self.campaign.dtype, names)
+        finished, together = self.in_order(), max(1, _PART // (dtype.itemsize * self.campaign.shard_size))
         groups = [finished[k : k + together] for k in range(0, len(finished), together)]
         ahead = deque[Future[Rows]]()
         with ThreadPoolExecutor(2) as readers:
             try:
                 for group in groups:
-                    ahead.append(readers.submit(self._read, group, names))
+                    ahead.append(readers.submit(self._read, group, dtype))
                     if len(ahead) > 3:
                         yield ahead.popleft().result()
                 while ahead:
@@ -274,11 +274,13 @@ def damaged(path: Path, rule: str) -> BadResults:
 
 
 def _chosen(dtype: np.dtype[np.void], names: Sequence[str]) -> np.dtype[np.void]:
-    """Return a record of these fields only, in its order.
+    """Return a record of these fields only, in its order; of all if none is named.
 
     >>> _chosen(np.dtype([("n", "i8"), ("inner", [("x", "f8"), ("y", "f8")])]), ["inner.y"])
     dtype([('inner', [('y', '<f8')])])
     """
+    if not names:
+        return dtype
     fields: list[tuple[str, np.dtype[Any]]] = []
     for name in dtype.names or ():
         within = [one.partition(".")[2] for one in names if one.startswith(f"{name}.")]

@@ -1,4 +1,4 @@
-"""Decides whether a build may pass, and why not: `--fail-if "failed > 1%"` and `--baseline FOLDER`.
+"""Decides whether a build may pass, and why not: `--fail-if "failed > 1%"`. For `--baseline` see `comparing`.
 
     condition = [statistic "("] measure [")"] ("<" | "<=" | ">" | ">=") number ["%"] ["with" number "% confidence"]
     statistic = "mean" | "median" | "min" | "max" | "p" number
@@ -22,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
-from parcours.report.pieces import Cell, Column, Table
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Measure, Results
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.statistics import RateComparison, compare_with_published, holm, rate_difference, wilson
+from parcours.verdict.statistics import wilson
 
 _STATISTIC = r"(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)"
 _MEASURE = r"(?:(?:violated|robustness)\s*\(\s*[A-Za-z_][A-Za-z0-9_.-]*\s*\)|[A-Za-z_][A-Za-z0-9_]*)"
@@ -35,8 +34,6 @@ _CONDITION = re.compile(
     r"\s*(?P<relation><=|>=|<|>)\s*(?P<limit>-?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?)\s*(?P<percent>%)?"
     r"(?:\s+with\s+(?P<confidence>[0-9]+(?:\.[0-9]+)?)\s*%\s+confidence)?\s*"
 )
-_SIGNIFICANT = 0.05
-_NAMED = 20  # cases that are named where they flipped
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,123 +215,6 @@ def verdicts_of(results: Results) -> Counter[Verdict]:
         if isinstance(results, JudgedResults)
         else Counter(one.verdict for one in results.cases())
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """One rate beside its earlier self."""
-
-    name: str  # of the rate
-    before: float  # its share in the baseline
-    now: float  # its share now
-    only_before: int  # cases that counted in the baseline only
-    only_now: int  # cases that count now only
-    low: float  # 95 % interval of its growth, now less before (Newcombe's, of pairs)
-    high: float
-    p_value: float  # of McNemar's test, by Holm's method
-    worse: bool  # whether it got significantly worse
-    flipped: tuple[str, ...]  # ids of the cases that made it worse
-
-
-@dataclass(frozen=True, slots=True)
-class Baseline:
-    """A run beside an earlier one, on the cases that both have."""
-
-    shared: int  # how many cases both have
-    rows: tuple[Compared, ...]  # the rates
-    flipped: tuple[str, ...]  # ids of cases that passed earlier and do not now
-    repaired: tuple[str, ...]  # ids of cases that did not pass earlier and do now
-
-    @property
-    def failed(self) -> bool:
-        """Whether some rate got significantly worse."""
-        return any(row.worse for row in self.rows)
-
-    def table(self) -> Table:
-        """Return the rates side by side."""
-        columns = (Column("rate"), Column("baseline", ".2%"), Column("now", ".2%"), Column("difference"),
-                   Column("only in baseline", ",d"), Column("only now", ",d"), Column("p (Holm)", ".2g"),
-                   Column("worse"))  # fmt: skip
-        rows = tuple(
-            (
-                one.name,
-                one.before,
-                one.now,
-                f"{one.now - one.before:+.2%} [{one.low:+.2%}, {one.high:+.2%}]",
-                one.only_before,
-                one.only_now,
-                one.p_value,
-                "yes" if one.worse else "no",
-            )
-            for one in self.rows
-        )
-        note = (
-            f"{self.shared} cases that both have; McNemar's exact test on the pairs, corrected for {len(rows)} rates;"
-            " Newcombe's 95 % interval of the difference."
-        )
-        return Table("Compared with the baseline", columns, rows, note)
-
-    def lines(self) -> list[str]:
-        """Return the cases that flipped, in words."""
-        listed = [("no longer pass", self.flipped), ("now pass", self.repaired)]
-        listed += [(f"made {one.name} worse", one.flipped) for one in self.rows if one.worse and one.name != "failed"]
-        lines = []
-        for what, ids in listed:
-            if ids:
-                more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
-                lines.append(f"{len(ids)} case{'s' * (len(ids) != 1)} {what}: {', '.join(ids[:_NAMED])}{more}")
-        return lines
-
-
-def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
-    """Return the comparison of two runs on the cases that both have, by their ids."""
-    ids = {result.id: k for k, result in enumerate(earlier.cases())}
-    pairs = [(k, ids[result.id]) for k, result in enumerate(now.cases()) if result.id in ids]
-    if not pairs:
-        raise BadRequest("--baseline", "both runs must have cases in common, but have none",
-                         "run the same study with the same seed", slug="baseline-cases")  # fmt: skip
-    here, there = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
-    before, after = earlier.measures(), now.measures()
-    listed, listed_before = now.cases(), earlier.cases()
-    found = []
-    for name, measure in after.items():
-        if measure.kind != "rate" or not measure.worse or name not in before:
-            continue
-        new, old = measure.values[here] == 1.0, before[name].values[there] == 1.0
-        differ = rate_difference(new, old)
-        only_new, only_old = differ.pairs.first_only, differ.pairs.second_only
-        grew = only_new > only_old if measure.worse == "more" else only_old > only_new
-        which = new & ~old if measure.worse == "more" else old & ~new
-        ids_worse = tuple(listed[here[k]].id for k in np.flatnonzero(which))
-        shares = float(old.mean()), float(new.mean())
-        counted = (name, *shares, only_old, only_new, differ.low, differ.high)
-        found.append((counted, differ.pairs.p_value, grew, ids_worse))
-    adjusted = zip(found, holm([row[1] for row in found]), strict=True)
-    rows = tuple(Compared(*row[0], p, row[2] and p < _SIGNIFICANT, row[3]) for row, p in adjusted)
-    passed = [(listed[k].verdict is Verdict.PASS, listed_before[j].verdict is Verdict.PASS) for k, j in pairs]
-    flipped, repaired = (
-        tuple(listed[k].id for (k, _), both in zip(pairs, passed, strict=True) if both == change)
-        for change in ((False, True), (True, False))
-    )
-    return Baseline(len(pairs), rows, flipped, repaired)
-
-
-def compare_apart(now: Results, earlier: Results) -> Table:
-    """Return the rates of two runs that have no cases in common, side by side, each with its interval."""
-    rows: list[tuple[str, RateComparison]] = []
-    before = earlier.measures()
-    for name, measure in now.measures().items():
-        if measure.kind == "rate" and name in before:
-            values = [one[~np.isnan(one)] for one in (measure.values, before[name].values)]
-            (count, n), (old, m) = ((int(one.sum()), len(one)) for one in values)
-            rows.append((name, compare_with_published(count, n, old, m)))
-    shown: list[tuple[Cell, ...]] = [
-        (name, *(f"{of.share:.2%} [{of.low:.2%}, {of.high:.2%}]" for of in (one.published, one.ours)), p)
-        for (name, one), p in zip(rows, holm([one.p_value for _, one in rows]), strict=True)
-    ]
-    columns = (Column("rate"), Column("baseline"), Column("now"), Column("p (Holm)", ".2g"))
-    note = "No case is in both, so they count as separate samples: Wilson 95 % intervals, Fisher's exact test."
-    return Table("Compared with the baseline", columns, tuple(shown), note)
 
 
 def exit_code(results: Iterable[Results]) -> int:

@@ -6,6 +6,7 @@ inconclusive if a requirement has no value for it, as after a division of 0 by 0
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import cast
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.outcomes import DECISIVE, VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.requirements.requirement import Requirements
 from parcours_navigation.requirements.syntax import (
     Arithmetic,
@@ -34,28 +35,37 @@ Facts = NDArray[np.void]
 Values = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+PASSED = "passed"
+
+_VERDICTS = (Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
+_PASS, _FAIL, _INCONCLUSIVE, _ERROR = range(4)
+_OF_OUTCOME = np.array([_VERDICTS.index(VERDICT_OF[outcome]) for outcome in Outcome], np.int8)
+
 FAR = 1e9
 """What counts in place of an infinite robustness where numbers must be finite."""
 
 
+_FIELDS = {
+    "time": ("t_end",), "clearance": ("min_clearance",), "goal_distance": ("to_goal",), "x": ("x",), "y": ("y",),
+    "heading": ("heading",), "travelled": ("travelled",), "halts": ("n_halts",), "switches": ("n_switches",),
+    "contacts": ("n_robot_contacts", "n_shared_contacts"),
+}  # fmt: skip
+"""The fields of FACTS that values come from; all others are measures, of ours or of the study's own."""
+
+
 def values_of(facts: Facts, name: str) -> Values:
     """Return one of VALUES of each case, NaN where a case has none, shape (n_cases,)."""
-    match name:
-        case "time":
-            return np.asarray(facts["t_end"] * 1e-9)
-        case "clearance":
-            return np.asarray(facts["min_clearance"])
-        case "goal_distance":
-            return np.asarray(facts["to_goal"])
-        case "x" | "y" | "heading" | "travelled":
-            return np.asarray(facts[name])
-        case "halts" | "switches":
-            return np.asarray(facts[f"n_{name}"], np.float64)
-        case "contacts":
-            return np.asarray(facts["n_robot_contacts"] + facts["n_shared_contacts"], np.float64)
-        case _:
-            own = facts.dtype["own"].names if "own" in (facts.dtype.names or ()) else None
-            return np.asarray(facts["own" if own and name in own else "measures"][name], np.float64)
+    if name in _FIELDS:
+        found = functools.reduce(np.add, [facts[one] for one in _FIELDS[name]])
+        return np.asarray(found * 1e-9 if name == "time" else found, np.float64)
+    own = facts.dtype["own"].names if "own" in (facts.dtype.names or ()) else None
+    return np.asarray(facts["own" if own and name in own else "measures"][name], np.float64)
+
+
+def judged_fields(requirements: Requirements) -> set[str]:
+    """Return the fields of facts that `counts` reads; `inner.x` is the field x of `inner`."""
+    read = {name for rule in requirements.rules for name in signals(rule.formula)}
+    return {*DECISIVE, "robustness"}.union(*(_FIELDS.get(one, (f"measures.{one}", f"own.{one}")) for one in read))
 
 
 def own_values(facts: Facts, requirements: Requirements) -> dict[str, Values]:
@@ -199,13 +209,24 @@ RATES = {
 """Rates of outcomes, by name."""
 
 
+def counts(facts: Facts, requirements: Requirements) -> dict[str, NDArray[np.int8]]:
+    """Return what each case counts for the rates of outcomes, of failures, and of violated requirements, shape (n,).
+
+    1 or 0; -1 where a requirement was not judged. Beside the rates it counts for `passed`.
+    """
+    ended, values = outcomes(facts), robustness(facts, requirements)
+    judged = _judged(ended, facts, requirements)
+    found = {name: (ended == int(outcome)).view(np.int8) for name, outcome in RATES.items()}
+    found["failed"] = ((judged == _FAIL) | (judged == _ERROR)).view(np.int8)
+    for k, one in enumerate(requirements.formulas):
+        found[f"violated({one.name})"] = np.where(np.isnan(values[:, k]), np.int8(-1), values[:, k] < 0.0)
+    return found | {PASSED: (judged == _PASS).view(np.int8)}
+
+
 def rates(facts: Facts, requirements: Requirements) -> dict[str, Values]:
-    """Return what each case counts, 0 or 1, for the rates of outcomes, of failures, and of violated requirements."""
-    codes, violated = outcomes(facts), violations(facts, requirements)
-    found = {name: (codes == int(outcome)).astype(np.float64) for name, outcome in RATES.items()}
-    bad = [one in (Verdict.FAIL, Verdict.ERROR) for one in verdicts(facts, requirements)]
-    found["failed"] = np.array(bad, np.float64)
-    return found | {f"violated({one.name})": violated[:, k] for k, one in enumerate(requirements.formulas)}
+    """Return what `counts` does as numbers, NaN where a requirement was not judged, shape (n_cases,) each."""
+    counted = counts(facts, requirements)
+    return {name: np.where(one < 0, np.nan, one) for name, one in counted.items() if name != PASSED}
 
 
 def finite_robustness(facts: Facts, requirements: Requirements) -> Values:
@@ -213,26 +234,23 @@ def finite_robustness(facts: Facts, requirements: Requirements) -> Values:
     return np.clip(robustness(facts, requirements), -FAR, FAR)
 
 
-def verdicts(facts: Facts, requirements: Requirements) -> list[Verdict]:
-    """Return the verdict of each case."""
-    of_code = {int(outcome): verdict for outcome, verdict in VERDICT_OF.items()}
-    found = [of_code[code] for code in outcomes(facts).tolist()]
+def _judged(ended: NDArray[np.int64], facts: Facts, requirements: Requirements) -> NDArray[np.int8]:
+    """Return the verdict of each case as its place in _VERDICTS, shape (n_cases,); `ended` is its outcome."""
+    found: NDArray[np.int8] = _OF_OUTCOME[ended]
     if not requirements:
         return found
     values = robustness(facts, requirements)
     failed = np.asarray((values < 0.0).any(axis=1))
     for rule in requirements.rules:
         failed |= holds(rule.formula, facts)
-    unknown = np.asarray(np.isnan(values).any(axis=1))
-    return [_verdict(one, bool(bad), bool(no)) for one, bad, no in zip(found, failed, unknown, strict=True)]
+    unknown = np.isnan(values).any(axis=1)
+    judged = np.where(failed, _FAIL, np.where(unknown, _INCONCLUSIVE, found))
+    return np.where((found == _FAIL) | (found == _ERROR), found, judged).astype(np.int8)
 
 
-def _verdict(outcome: Verdict, failed: bool, unknown: bool) -> Verdict:
-    if outcome in (Verdict.FAIL, Verdict.ERROR):
-        return outcome
-    if failed:
-        return Verdict.FAIL
-    return Verdict.INCONCLUSIVE if unknown else outcome
+def verdicts(facts: Facts, requirements: Requirements) -> list[Verdict]:
+    """Return the verdict of each case."""
+    return [_VERDICTS[code] for code in _judged(outcomes(facts), facts, requirements).tolist()]
 
 
 def explained(record: np.void, requirements: Requirements) -> str:

@@ -97,7 +97,7 @@ def analyse(campaign: FinishedCampaign) -> Ended:
     required: tuple[Violations, ...] = ()
     own, judged = {}, None
     firsts: dict[int, int] = {}
-    for facts in [campaign.facts] if asked else campaign.parts(_UNREAD):
+    for facts in [campaign.facts] if asked else campaign.parts(lambda name: name not in _UNREAD):
         first = facts["number"][: max(ASKED - n, 0)]
         earliest, survival = np.full((2, len(facts)), np.nan)
         if len(first):

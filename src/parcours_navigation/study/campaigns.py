@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol as TypingProtocol
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
 from parcours.run.store import open_results
-from parcours.study.campaign.running import GivenFacts, KeptFacts
+from parcours.study.campaign.running import GivenFacts, KeptFacts, Wanted
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
@@ -48,8 +48,8 @@ class FinishedCampaign(TypingProtocol):
     def facts(self) -> NDArray[np.void]:
         """Facts of its finished cases, shape (n,)."""
 
-    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
-        """Yield the facts part by part, without those that no table shows, and without these."""
+    def parts(self, wanted: Wanted = lambda name: True) -> Iterator[NDArray[np.void]]:
+        """Yield the facts part by part: the wanted fields, without those that no table shows."""
 
     def holding(self, facts: NDArray[np.void]) -> FinishedCampaign:
         """Return it with facts of some of its cases."""
@@ -87,9 +87,9 @@ class NavigationResults:
         """Facts of its finished cases, array of FACTS, shape (n,)."""
         return self.kept.whole
 
-    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
-        """Yield the facts part by part, without these."""
-        return self.kept.parts(without)
+    def parts(self, wanted: Wanted = lambda name: True) -> Iterator[NDArray[np.void]]:
+        """Yield the wanted fields of the facts part by part."""
+        return self.kept.parts(wanted)
 
     def holding(self, facts: NDArray[np.void]) -> NavigationResults:
         """Return it with facts of some of its cases."""

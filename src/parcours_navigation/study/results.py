@@ -8,13 +8,14 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Animation, Page, Piece, Section, Table
+from parcours.study.comparing import Counted, Outline
 from parcours.study.covering import Drawn
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.study.reporting import replay_anchor
@@ -25,9 +26,12 @@ from parcours_navigation.facts import FACTS, UNITS
 from parcours_navigation.measures.table import METRICS
 from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.requirements.judging import (
+    PASSED,
     RATES,
+    counts,
     explained,
     finite_robustness,
+    judged_fields,
     own_values,
     rates,
     shared_reasons,
@@ -52,6 +56,7 @@ from parcours_navigation.study.replay_picture import animation
 _REPLAYS = 3  # on a page on one folder
 
 _LESS_IS_WORSE = {
+    "reached",
     "min_clearance",
     "mean_clearance",
     "least_time_to_collision",
@@ -60,6 +65,10 @@ _LESS_IS_WORSE = {
     "survivability",
     "stop_distance",
 }
+
+
+def _worse(name: str) -> Literal["more", "less"]:
+    return "less" if name in _LESS_IS_WORSE else "more"
 
 
 def measure_names(requirements: Requirements) -> tuple[str, ...]:
@@ -87,6 +96,18 @@ class PlannerResults:
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
         return [replace(one, id=self._id(one.id)) for one in case_results(self.found)]
+
+    def outline(self) -> Outline:
+        """Return what a comparison needs of the cases: half a dozen of the fields that are kept of each."""
+        asked = self.found.requirements
+        read = judged_fields(asked)
+        found = self.found.parts(lambda name: name in read)
+        parts = [(facts["number"].copy(), counts(facts, asked)) for facts in found]  # a view would keep all facts
+        numbers = np.concatenate([one for one, _ in parts])
+        counted = {name: np.concatenate([one[name] for _, one in parts]) for name in parts[0][1]}
+        passed = counted.pop(PASSED) == 1
+        rates = {name: Counted(values, _worse(name)) for name, values in counted.items()}
+        return Outline(numbers, lambda number: self._id(self.found.cases.id(number)), passed, rates)
 
     @functools.cached_property
     def ended(self) -> Ended:
@@ -123,13 +144,10 @@ class PlannerResults:
         """Return the rates of outcomes and verdicts, and what was measured on the way."""
         facts = self.found.facts
         counted = rates(facts, self.found.requirements)
-        found = {
-            name: Measure(values, worse="less" if name == "reached" else "more") for name, values in counted.items()
-        }
+        found = {name: Measure(values, worse=_worse(name)) for name, values in counted.items()}
         straight = straight_ways(self.found.cases, facts["number"], facts["measures"])
         for name, values in measured(facts, facts["measures"], straight=straight).items():
-            worse = "less" if name in _LESS_IS_WORSE else "more"
-            found[name] = Measure(values, "quantity", SHOWN[name].unit, worse)  # type: ignore[arg-type]
+            found[name] = Measure(values, "quantity", SHOWN[name].unit, _worse(name))
         for name, values in own_values(facts, self.found.requirements).items():
             units = {one.name: one.unit for one in self.found.requirements.measures}
             found[name] = Measure(np.where(np.isfinite(values), values, np.nan), "quantity", units[name], "more")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
-from parcours.study.campaign.running import GivenFacts, KeptFacts
+from parcours.study.campaign.running import GivenFacts, KeptFacts, Wanted
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.requirements.requirement import Requirements
@@ -40,9 +40,9 @@ class SystemResults:
         """Facts of its finished cases, array of FACTS, shape (n,)."""
         return self.kept.whole
 
-    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
-        """Yield the facts part by part, without these and the counts of transitions, which are a third of them."""
-        return self.kept.parts(("transitions", *without))
+    def parts(self, wanted: Wanted = lambda name: True) -> Iterator[NDArray[np.void]]:
+        """Yield the wanted fields of the facts part by part, without the counts of transitions, a third of them."""
+        return self.kept.parts(lambda name: name != "transitions" and wanted(name))
 
     def holding(self, facts: NDArray[np.void]) -> SystemResults:
         """Return it with facts of some of its cases."""

@@ -7,9 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
+from parcours.study.comparing import Counted, Outline
 from parcours.study.protocol import Reported
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.study.campaigns import FinishedCampaign
@@ -45,6 +48,19 @@ class SampledCampaign(PlannerResults):
             for number, one in self._sampled.items()
         ]
         return [*super().cases(), *again]
+
+    def outline(self) -> Outline:
+        """Return what a comparison needs; the sampled ones, of which no rate is known, have numbers below 0."""
+        one = super().outline()
+        again = np.array([-1 - int(number) for number in self._sampled], np.int64)
+        passed = np.array([of["verdict"] == Verdict.PASS for of in self._sampled.values()], bool)
+        unknown = np.full(len(again), -1, np.int8)
+
+        def id(number: int) -> str:
+            return one.id(number) if number >= 0 else f"{one.id(-1 - number)}/data"
+
+        rates = {name: Counted(np.append(of.values, unknown), of.worse) for name, of in one.rates.items()}
+        return Outline(np.append(one.numbers, again), id, np.append(one.passed, passed), rates)
 
     def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from parcours.run.campaign import run_campaign
+from parcours.study.comparing import Counted
 from parcours.study.gate import check_condition, parse_condition
 from parcours.study.study_file import check_study_file
 from parcours.verdict.judgement import Verdict
@@ -94,6 +95,26 @@ def test_results_know_what_was_required(tmp_path: Path) -> None:
         "robustness(arrives) > 100": False, "p95(robustness(stops)) < -99": False,
     }.items():  # fmt: skip
         assert check_condition(parse_condition(text), results).failed == fails, text
+
+
+@pytest.mark.parametrize("rules", ["", "contacts > 3 or far > 2.5 or min(switches, halts) > 6 or mean_clearance < 0.4"])
+@pytest.mark.parametrize(
+    "required", ["", "keeps-away: always clearance > 0.05; turns: goal_distance > 1 until time > 1 s"]
+)
+def test_what_is_compared_is_what_all_facts_say(required: str, rules: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("def far(run):\n    return float(run.track['x'].max())\n")
+    asked = read_requirements(required, rules, f"far: {tmp_path}/mine.py:far")
+    study = dataclasses.replace(STUDY, requirements=asked)
+    run_campaign(study, study.campaign(48, 9), tmp_path / "out", workers=1)
+    results = read_folder(tmp_path / "out", "mine")
+    outline, cases = results.outline(), results.cases()  # the first reads some fields, the second all
+    assert outline.passed.any() and not outline.passed.all()
+    assert [outline.id(number) for number in outline.numbers.tolist()] == [one.id for one in cases]
+    assert outline.passed.tolist() == [one.verdict is Verdict.PASS for one in cases]
+    rates = {name: Counted.of(one) for name, one in results.measures().items() if one.kind == "rate"}
+    assert outline.rates.keys() == rates.keys()
+    for name, one in rates.items():
+        assert outline.rates[name].values.tolist() == one.values.tolist() and outline.rates[name].worse == one.worse
 
 
 def test_other_requirements_are_another_campaign(tmp_path: Path) -> None:

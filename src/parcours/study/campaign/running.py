@@ -8,9 +8,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from parcours.study.protocol import Progress, Request, Run
 from parcours.study.stopping import Rates, Watch, pairs_wanted, parse_rule
 
 CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
+
+Wanted = Callable[[str], bool]
+"""Says of a field of facts, by its name, whether it is to be read."""
 
 
 class Numbered(Protocol):
@@ -118,7 +121,7 @@ class GivenFacts:
 
     whole: NDArray[np.void]
 
-    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+    def parts(self, wanted: Wanted = lambda name: True) -> Iterator[NDArray[np.void]]:
         """Yield all facts at once."""
         yield self.whole
 
@@ -139,17 +142,18 @@ class KeptFacts:
         self._require(facts, self._numbers())
         return facts
 
-    def parts(self, without: Collection[str] = ()) -> Iterator[NDArray[np.void]]:
+    def parts(self, wanted: Wanted = lambda name: True) -> Iterator[NDArray[np.void]]:
         """Yield the facts some thousand cases at a time: a million cases need little memory.
 
         Args:
-            without: fields that are not wanted; `inner.x` is the field x of the record `inner`.
+            wanted: whether a field is; `inner.x` is the field x of the record `inner`. `number` always is.
         """
         if "whole" in self.__dict__ or not self._store.in_order():
             yield self.whole
             return
         numbers, at = self._numbers(), 0
-        for part in self._store.parts(list(_left(self._store.campaign.dtype, without))):
+        names = _fields(self._store.campaign.dtype)
+        for part in self._store.parts([name for name in names if name == "number" or wanted(name)]):
             self._require(part, numbers[at : at + len(part)])
             at += len(part)
             yield part
@@ -168,10 +172,9 @@ class KeptFacts:
             raise BadResults(str(self._store.folder), rule, "run the campaign again with --fresh", slug="results-order")
 
 
-def _left(dtype: np.dtype[np.void], without: Collection[str], within: str = "") -> Iterator[str]:
-    """Yield the fields of a record that are left, those of a record within it that loses some by themselves."""
-    for name in dtype.names or ():
-        if any(one.startswith(f"{within}{name}.") for one in without):
-            yield from _left(dtype[name], without, f"{within}{name}.")
-        elif f"{within}{name}" not in without:
-            yield f"{within}{name}"
+def _fields(dtype: np.dtype[Any], name: str = "") -> Iterator[str]:
+    """Yield the fields of a record, those of a record within it by themselves."""
+    if dtype.names is None:
+        yield name
+    for inner in dtype.names or ():
+        yield from _fields(dtype[inner], f"{name}.{inner}" if name else inner)
