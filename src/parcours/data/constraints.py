@@ -66,7 +66,7 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
     n_rows = len(next(iter(columns.values())))
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
-            return np.broadcast_to(_truth(constraint.expression, columns), (n_rows,))
+            return np.broadcast_to(truth_of(constraint.expression, columns), (n_rows,))
     except FloatingPointError as error:
         rule = f"a condition must have a value on every row, but {constraint.expression} meets a {error}"
         remedy = "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds"
@@ -86,21 +86,27 @@ def allows(model: InputModel, values: NDArray[np.float64]) -> NDArray[np.bool_]:
     return met
 
 
-def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:
+def truth_of(node: Expression, columns: Columns) -> NDArray[np.bool_]:
+    """Return where a condition over numbers and truth values holds, of a shape that broadcasts to (n_rows,).
+
+    `&&` and `||` read their right side only where it matters. NumPy's state decides what becomes of a division by zero.
+    """
     match node:
         case Literal(value):
             return np.array(bool(value))
+        case Name(id):
+            return columns[id].astype(bool)
         case Unary("!", operand):
-            return ~_truth(operand, columns)
+            return ~truth_of(operand, columns)
         case Binary("&&" | "||" as operator, left, right):
-            first = np.array(np.broadcast_to(_truth(left, columns), (len(next(iter(columns.values()))),)))
+            first = np.array(np.broadcast_to(truth_of(left, columns), (len(next(iter(columns.values()))),)))
             # The right side is read only on the rows it decides, as the language says.
             undecided = first if operator == "&&" else ~first
             if undecided.any():
-                first[undecided] = _truth(right, {name: column[undecided] for name, column in columns.items()})
+                first[undecided] = truth_of(right, {name: column[undecided] for name, column in columns.items()})
             return first
-        case Binary("==" | "!=" as operator, left, right) if is_condition(left):
-            return _COMPARISON[operator](_truth(left, columns), _truth(right, columns))
+        case Binary("==" | "!=" as operator, left, right) if is_condition(left) or is_condition(right):
+            return _COMPARISON[operator](truth_of(left, columns), truth_of(right, columns))
         case Binary(operator, left, right):
             return _COMPARISON[operator](_number(left, columns), _number(right, columns))
         case _:

@@ -126,7 +126,7 @@ def _unpacked(array: pyarrow.Array, like: NDArray[Any]) -> NDArray[Any]:
         else:
             found = np.frombuffer(memory, like.dtype, end)[first:] if end else np.empty(0, like.dtype)
     elif like.dtype.kind == "S":
-        found = np.array(flat.to_pylist(), like.dtype)
+        found = np.array(flat.to_pylist() if flat.total_values_length else np.zeros(len(flat), "S1"), like.dtype)
     else:
         found = np.frombuffer(b"".join(flat.to_pylist()), like.dtype)
     shaped: NDArray[Any] = found.reshape(like.shape)

@@ -15,6 +15,10 @@ class Verdict(StrEnum):
     ERROR = "error"
 
 
+VERDICTS = tuple(Verdict)
+"""Verdicts by the codes that stand for them in arrays."""
+
+
 @dataclass(frozen=True, slots=True)
 class Judgement:
     """A verdict and the sentence that explains it."""

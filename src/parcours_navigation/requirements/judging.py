@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.verdict.judgement import Verdict
+from parcours.verdict.judgement import VERDICTS, Verdict
 from parcours_navigation.outcomes import DECISIVE, VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.requirements.requirement import Requirements
 from parcours_navigation.requirements.syntax import (
@@ -37,9 +37,8 @@ Flags = NDArray[np.bool_]
 
 PASSED = "passed"
 
-_VERDICTS = (Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
-_PASS, _FAIL, _INCONCLUSIVE, _ERROR = range(4)
-_OF_OUTCOME = np.array([_VERDICTS.index(VERDICT_OF[outcome]) for outcome in Outcome], np.int8)
+_PASS, _FAIL, _INCONCLUSIVE, _ERROR = range(len(VERDICTS))
+_OF_OUTCOME = np.array([VERDICTS.index(VERDICT_OF[outcome]) for outcome in Outcome], np.int8)
 
 FAR = 1e9
 """What counts in place of an infinite robustness where numbers must be finite."""
@@ -235,7 +234,7 @@ def finite_robustness(facts: Facts, requirements: Requirements) -> Values:
 
 
 def _judged(ended: NDArray[np.int64], facts: Facts, requirements: Requirements) -> NDArray[np.int8]:
-    """Return the verdict of each case as its place in _VERDICTS, shape (n_cases,); `ended` is its outcome."""
+    """Return the verdict of each case as its code in VERDICTS, shape (n_cases,); `ended` is its outcome."""
     found: NDArray[np.int8] = _OF_OUTCOME[ended]
     if not requirements:
         return found
@@ -250,7 +249,7 @@ def _judged(ended: NDArray[np.int64], facts: Facts, requirements: Requirements) 
 
 def verdicts(facts: Facts, requirements: Requirements) -> list[Verdict]:
     """Return the verdict of each case."""
-    return [_VERDICTS[code] for code in _judged(outcomes(facts), facts, requirements).tolist()]
+    return [VERDICTS[code] for code in _judged(outcomes(facts), facts, requirements).tolist()]
 
 
 def explained(record: np.void, requirements: Requirements) -> str:

@@ -16,16 +16,18 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
 from parcours.run.store import Campaign, open_results
 from parcours.study.campaign.running import KeptFacts
+from parcours.study.comparing import Counted, Outline
 from parcours.study.covering import Drawn
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.study.tabling import TableColumn, input_columns
-from parcours.verdict.judgement import Verdict
+from parcours.verdict.judgement import VERDICTS, Verdict
 from parcours.verdict.statistics import quantiles, wilson
 
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
-from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcomes_of, rates_of, values_of
+from parcours.study.campaign.judging import Rulings, judge, rates_of, read_by
+from parcours.study.campaign.rules import RATES, Fault, Rows, Worse, directions, outcome_of, values_of
 
 # At most this many: reasons in a table, rows of a trace in a table, panels of its chart
 _FEW, _SHOWN, _PANELS = 10, 200, 8
@@ -34,49 +36,79 @@ _FEW, _SHOWN, _PANELS = 10, 200, 8
 class CampaignResults:
     """The results in one folder (`parcours.study.protocol.Results`). Make them with `read_results`."""
 
-    def __init__(self, study: CampaignStudy, campaign: Campaign, facts: Rows, planned: int) -> None:
-        self.study, self.seed, self.facts = study, campaign.seed, facts
+    def __init__(self, study: CampaignStudy, campaign: Campaign, kept: KeptFacts, planned: int) -> None:
+        self.study, self.seed, self._kept = study, campaign.seed, kept
         self.label, self.planned = campaign.schedule, planned
         self.settings = settings_of(study.parameters, cast("dict[str, object]", campaign.parameters["settings"]))
-        self.numbers: list[int] = facts["number"].tolist()
+
+    @property
+    def facts(self) -> Rows:
+        """The facts of the finished cases, array of the study's `dtype`. Raises BadResults: they are damaged."""
+        return self._kept.whole
 
     @functools.cached_property
-    def outcomes(self) -> list[Ruling]:
+    def numbers(self) -> list[int]:
+        """The numbers of the finished cases."""
+        return cast("list[int]", self.facts["number"].tolist())
+
+    @functools.cached_property
+    def rulings(self) -> Rulings:
         """The verdicts, in the order of the facts."""
-        return outcomes_of(self.study, self.facts, self.settings, self.seed)
+        return judge(self.study, self.facts, self.settings, self.seed)
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
-        return [
-            CaseResult(self.study.id(number), outcome.verdict, 0.0, outcome.why)
-            for number, outcome in zip(self.numbers, self.outcomes, strict=True)
-        ]
+        return self.some_cases(range(len(self.numbers)))
 
     def case_verdicts(self) -> Sequence[Verdict]:
         """Return the verdicts of `cases`, without their reasons."""
-        return [one.verdict for one in self.outcomes]
+        return self.rulings.verdicts
 
     def verdict_counts(self) -> Counter[Verdict]:
         """Return how many of `cases` have each verdict."""
-        return Counter(one.verdict for one in self.outcomes)
+        counts = np.bincount(self.rulings.codes, minlength=len(VERDICTS)).tolist()
+        return Counter({verdict: n for verdict, n in zip(VERDICTS, counts, strict=True) if n})
 
     def causes(self) -> Sequence[str]:
         """Return why each case did not pass, in words that cases share."""
-        return [one.reason for one in self.outcomes]
+        return self.rulings.words
 
     def some_cases(self, places: Sequence[int]) -> Sequence[CaseResult]:
         """Return the cases at these places."""
-        chosen = [(self.numbers[k], self.outcomes[k]) for k in places]
-        return [CaseResult(self.study.id(number), one.verdict, 0.0, one.why) for number, one in chosen]
+        facts = self.facts[np.array(places, np.intp)]
+        found = [outcome_of(self.study, row, self.study.known(values, self.settings))
+                 for row, values in zip(facts, self.study.values(facts["number"], self.seed), strict=True)]  # fmt: skip
+        ids = map(self.study.id, facts["number"].tolist())
+        return [CaseResult(id, one.verdict, 0.0, one.why) for id, one in zip(ids, found, strict=True)]
+
+    def outline(self) -> Outline:
+        """Return what a comparison needs: what formulas read of each case, and facts of type bool."""
+        read = read_by(self.study) | {fact.name for fact in self.study.facts if fact.kind == "bool"}
+        numbers, codes, rates = [], [], list[dict[str, NDArray[np.int8]]]()
+        for facts in self._kept.parts(read.__contains__):
+            rulings = judge(self.study, facts, self.settings, self.seed)
+            numbers.append(facts["number"].copy())  # a view would keep all facts
+            codes.append(rulings.codes)
+            of = rates_of(self.study, facts, rulings)
+            rates.append({name: np.nan_to_num(values, nan=-1.0).astype(np.int8) for name, values in of.items()})
+        worse = self._worse()
+        counted = {
+            name: Counted(np.concatenate([one[name] for one in rates]), worse.get(name, "")) for name in rates[0]
+        }
+        passed = np.concatenate(codes) == VERDICTS.index(Verdict.PASS)
+        return Outline(np.concatenate(numbers), self.study.id, passed, counted)
+
+    def _worse(self) -> dict[str, Worse]:
+        rates = {name: worse for name, _, worse in RATES}
+        return rates | directions(self.study.fail) | dict(self.study.worse)
 
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of verdicts, then every fact: a bool as a rate, a number as a quantity; NaN after an error.
 
         Which way of a fact is worse is what the study says, else what its `fail` formulas imply.
         """
-        rates, ways = rates_of(self.study, self.facts, self.outcomes), {name: worse for name, _, worse in RATES}
-        found = {name: Measure(rates[name], "rate", worse=worse) for name, worse in ways.items()}
-        worse = directions(self.study.fail) | dict(self.study.worse)
+        rates, worse = rates_of(self.study, self.facts, self.rulings), self._worse()
+        found = {name: Measure(rates[name], "rate", worse=worse[name]) for name, _, _ in RATES}
         for fact in self.study.facts:
             values = values_of(self.facts, fact.name)
             kind: Literal["rate", "quantity"] = "rate" if fact.kind == "bool" else "quantity"
@@ -89,8 +121,8 @@ class CampaignResults:
         found = {
             "case": TableColumn(lambda: np.array([study.id(number) for number in self.numbers])),
             "number": TableColumn(lambda: facts["number"]),
-            "verdict": TableColumn(lambda: np.array([str(one.verdict) for one in self.outcomes])),
-            "reason": TableColumn(lambda: np.array([one.reason for one in self.outcomes])),
+            "verdict": TableColumn(lambda: np.array(VERDICTS, str)[self.rulings.codes]),
+            "reason": TableColumn(lambda: np.array(self.rulings.reasons)[self.rulings.places]),
             "error": TableColumn(lambda: facts["error"]),
         }
         for one in study.own:
@@ -99,13 +131,13 @@ class CampaignResults:
             plain = functools.partial(np.ascontiguousarray, facts[fact.name])
             known = functools.partial(values_of, facts, fact.name)  # NaN after an error
             found[fact.name] = TableColumn(known if facts["error"].any() else plain, fact.unit)
-        drawn = functools.partial(_drawn, study, facts["number"], self.seed)
+        drawn = functools.partial(study.drawn, facts["number"], self.seed)
         return found | input_columns(study.inputs, drawn, found)
 
     def drawn(self) -> Drawn:
         """Return what the cases were made of, and their verdicts."""
-        seen = np.array([str(one.verdict) for one in self.outcomes], str)
-        values = _drawn(self.study, self.facts["number"], self.seed)
+        seen = np.array(VERDICTS, str)[self.rulings.codes]
+        values = self.study.drawn(self.facts["number"], self.seed)
         return Drawn(self.study.inputs, values, {"verdicts": ([str(one) for one in Verdict], seen)})
 
     def replay(self, case: str) -> Page:
@@ -115,7 +147,7 @@ class CampaignResults:
             rule = f"a case must be a finished one of the {len(self.numbers)} in the folder, but {case!r} was asked for"
             raise BadRequest("replay", rule, "run the campaign on, or name another case", slug="case-number")
         id, place = self.study.id(number), self.numbers.index(number)
-        kept, outcome = self.facts[place], self.outcomes[place]
+        kept, [outcome] = self.facts[place], self.some_cases([place])
         if kept["error"] in (Fault.HUNG, Fault.DIED):
             rule = f"there is nothing to see of it: {outcome.why}"
             raise BadResults(id, rule, "replay another case", slug="replay-lost")
@@ -150,10 +182,6 @@ class CampaignResults:
         return BadResults(id, rule, remedy, slug="replay-differs")
 
 
-def _drawn(study: CampaignStudy, numbers: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
-    return np.array(study.values(numbers, seed), np.float64).reshape(len(numbers), len(study.inputs.domains))
-
-
 def _value(value: np.generic) -> object:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else value.item()
 
@@ -169,9 +197,8 @@ def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
             rule = f"its {what} must be that of study {study.name!r}, {mine}, but is {theirs[what]}"
             raise BadResults(str(folder), rule, "name the study that wrote it, or run the campaign again",
                              slug="results-study")  # fmt: skip
-    facts = KeptFacts(store).whole
     try:
-        return CampaignResults(study, campaign, facts, store.planned)
+        return CampaignResults(study, campaign, KeptFacts(store), store.planned)
     except (ParcoursError, KeyError, TypeError, AttributeError) as error:
         rule = f"it must have the study's parameters, but: {error}"
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
@@ -184,7 +211,7 @@ def report_results(results: Mapping[str, Results]) -> Reported:
     found = {folder: one for folder, one in results.items() if isinstance(one, CampaignResults) and one.numbers}
     if not found:
         return Reported([], list, {folder: {"finished": 0, "planned": one.planned} for folder, one in results.items()})
-    counts = {folder: Counter(outcome.verdict for outcome in one.outcomes) for folder, one in found.items()}
+    counts = {folder: one.verdict_counts() for folder, one in found.items()}
     order = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.FAIL)
     chart = shares("The verdicts", order, {name: [of[one] for one in order] for name, of in counts.items()},
                    ("good", "neutral", "worst", "bad"))  # fmt: skip
@@ -243,9 +270,11 @@ def _reasons(found: Mapping[str, CampaignResults]) -> tuple[tuple[str, str, str,
     """Return (folder, verdict, reason, how many cases, id of the first) of the commonest reasons."""
     rows = []
     for folder, one in found.items():
-        keys = [(str(outcome.verdict), outcome.reason) for outcome in one.outcomes]
-        for key, count in Counter(key for key in keys if key[0] != Verdict.PASS).most_common(_FEW):
-            rows.append((folder, *key, count, one.study.id(one.numbers[keys.index(key)])))
+        keys = list(zip(one.rulings.codes.tolist(), one.rulings.places.tolist(), strict=True))
+        passed = VERDICTS.index(Verdict.PASS)
+        for key, count in Counter(key for key in keys if key[0] != passed).most_common(_FEW):
+            words = str(VERDICTS[key[0]]), one.rulings.reasons[key[1]]
+            rows.append((folder, *words, count, one.study.id(one.numbers[keys.index(key)])))
     return tuple(rows)
 
 

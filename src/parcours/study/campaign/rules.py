@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Literal
@@ -181,21 +181,6 @@ def outcome_of(study: CampaignStudy, row: np.void, known: Mapping[str, Scalar]) 
     return Ruling(Verdict.PASS, "", f"nothing that fails it: {', '.join(seen)}")
 
 
-def outcomes_of(study: CampaignStudy, facts: Rows, settings: Mapping[str, Scalar], seed: int) -> list[Ruling]:
-    """Return the verdicts on cases, in the order of their facts."""
-    return [
-        outcome_of(study, row, study.known(values, settings))
-        for row, values in zip(facts, study.values(facts["number"], seed), strict=True)
-    ]
-
-
 def values_of(facts: Rows, name: str) -> NDArray[np.float64]:
     """Return a fact of each case as a number, NaN after an error."""
     return np.where(facts["error"] == Fault.NONE, facts[name].astype(np.float64), np.nan)
-
-
-def rates_of(study: CampaignStudy, facts: Rows, outcomes: Sequence[Ruling]) -> dict[str, NDArray[np.float64]]:
-    """Return what each case counts for the rates of verdicts and of facts of type bool; `failed` counts errors, too."""
-    found = {name: np.array([one.verdict is verdict for one in outcomes], float) for name, verdict, _ in RATES}
-    found["failed"] = found["failed"] + found["errors"]  # an error is no pass
-    return found | {one.name: values_of(facts, one.name) for one in study.facts if one.kind == "bool"}

@@ -23,6 +23,7 @@ from parcours.run.campaign import run_campaign
 from parcours.run.exception_text import REASON_LENGTH, words_of
 from parcours.run.heartbeat import write_place
 from parcours.study.campaign.calling import Alarm, PythonCaller, Target, rows_of, shown
+from parcours.study.campaign.judging import judge, rates_of
 from parcours.study.campaign.results import Trace, read_results, report_results
 from parcours.study.campaign.rules import (
     ABSTRACT,
@@ -34,8 +35,6 @@ from parcours.study.campaign.rules import (
     Worse,
     clashes,
     outcome_of,
-    outcomes_of,
-    rates_of,
     types_of,
 )
 from parcours.study.campaign.running import Chosen, run_numbered
@@ -159,7 +158,11 @@ class CampaignStudy:
 
     def values(self, numbers: NDArray[np.int64], seed: int) -> list[tuple[float, ...]]:
         """Return the values of the test inputs of cases."""
-        return [tuple(row) for row in self.plan(seed, _EVERY).values(numbers).tolist()]
+        return [tuple(row) for row in self.drawn(numbers, seed).tolist()]
+
+    def drawn(self, numbers: NDArray[np.int64], seed: int) -> NDArray[np.float64]:
+        """Return the same as an array, shape (n_cases, n_inputs)."""
+        return self.plan(seed, _EVERY).values(numbers)
 
     def case(self, number: int, seed: int) -> Case:
         """Return one case."""
@@ -236,7 +239,7 @@ class CampaignStudy:
         return run_numbered(
             self.name, self.where, simulation, len(self.plan(request.seed, request.n_cases)), numbers, question,
             int(request.settings["workers"]), request, progress, simulation.label,
-            lambda facts: rates_of(self, facts, outcomes_of(self, facts, request.settings, request.seed)),
+            lambda facts: rates_of(self, facts, judge(self, facts, request.settings, request.seed)),
             {one.name: one.unit for one in self.facts},
         )  # fmt: skip
 
