@@ -56,7 +56,7 @@ fuzz: $(VENV)/.developer
 bench: $(VENV)/.developer
 	for part in criteria.py solving.py "space.py --largest 5" "walking.py --steps 200000" arrays.py \
 		start.py agents.py "worlds.py --tracks 300" growth.py "ground.py --pairs 20000" transport.py "hosts.py --repeats 10" \
-		"stuck.py --cases 300" "stopping.py --campaigns 1000" "rare.py --known 4 --mutants 0" "requirements.py --formulas 1000" planners.py studio.py system.py; do \
+		"stuck.py --cases 300" "stopping.py --campaigns 1000" "rare.py --known 4 --mutants 0" "requirements.py --formulas 1000" planners.py studio.py compare.py system.py; do \
 		echo "== $$part"; $(BIN)/python bench/bench_$$part || exit 1; done
 
 clean:
