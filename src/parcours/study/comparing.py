@@ -6,7 +6,7 @@ Only what is compared is read of a run (`Outline`): a campaign of a million case
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Literal, Protocol, runtime_checkable
 
@@ -23,6 +23,9 @@ _SIGNIFICANT = 0.05
 _NAMED = 20  # cases that are named where they flipped
 
 Places = NDArray[np.intp] | slice
+Worse = Literal["more", "less", ""]
+OutlinePart = tuple[NDArray[np.int64], NDArray[np.bool_], Mapping[str, NDArray[np.int8]]]
+"""Of some cases: their numbers, which passed, and what they count for each rate, all of shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,7 @@ class Counted:
     """What each case counts for one rate."""
 
     values: NDArray[np.int8]  # shape (n_cases,): 1 or 0; -1 where it is not known
-    worse: Literal["more", "less", ""] = "more"  # which way is worse; "" where neither is
+    worse: Worse = "more"  # which way is worse; "" where neither is
 
     @staticmethod
     def of(measure: Measure) -> Counted:
@@ -49,6 +52,13 @@ class Outline:
     # whether an id follows from its number alone, and case 0 shows how: runs that give the same id to case 0 give the
     # same to every other. If not, only ids say which cases are the same
     numbered: bool = True
+
+
+def outline_in_parts(parts: Iterable[OutlinePart], id: Callable[[int], str], worse: Callable[[str], Worse]) -> Outline:
+    """Return the outline of a run of numbered cases from those of some of its cases after the other."""
+    numbers, passed, rates = zip(*parts, strict=True)
+    found = {name: Counted(np.concatenate([one[name] for one in rates]), worse(name)) for name in rates[0]}
+    return Outline(np.concatenate(numbers), id, np.concatenate(passed), found)
 
 
 @runtime_checkable

@@ -15,7 +15,7 @@ import numpy as np
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Animation, Page, Piece, Section, Table
-from parcours.study.comparing import Counted, Outline
+from parcours.study.comparing import Outline, OutlinePart, outline_in_parts
 from parcours.study.covering import Drawn
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.study.reporting import replay_anchor
@@ -101,13 +101,13 @@ class PlannerResults:
         """Return what a comparison needs of the cases: half a dozen of the fields that are kept of each."""
         asked = self.found.requirements
         read = judged_fields(asked)
-        found = self.found.parts(lambda name: name in read)
-        parts = [(facts["number"].copy(), counts(facts, asked)) for facts in found]  # a view would keep all facts
-        numbers = np.concatenate([one for one, _ in parts])
-        counted = {name: np.concatenate([one[name] for _, one in parts]) for name in parts[0][1]}
-        passed = counted.pop(PASSED) == 1
-        rates = {name: Counted(values, _worse(name)) for name, values in counted.items()}
-        return Outline(numbers, lambda number: self._id(self.found.cases.id(number)), passed, rates)
+
+        def parts() -> Iterator[OutlinePart]:
+            for facts in self.found.parts(read.__contains__):
+                counted = counts(facts, asked)
+                yield facts["number"].copy(), counted.pop(PASSED) == 1, counted
+
+        return outline_in_parts(parts(), lambda number: self._id(self.found.cases.id(number)), _worse)
 
     @functools.cached_property
     def ended(self) -> Ended:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -16,7 +16,7 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
 from parcours.run.store import Campaign, open_results
 from parcours.study.campaign.running import KeptFacts
-from parcours.study.comparing import Counted, Outline
+from parcours.study.comparing import Outline, OutlinePart, outline_in_parts
 from parcours.study.covering import Drawn
 from parcours.study.parameters import Scalar, settings_of
 from parcours.study.protocol import Measure, Reported, Results
@@ -84,19 +84,16 @@ class CampaignResults:
     def outline(self) -> Outline:
         """Return what a comparison needs: what formulas read of each case, and facts of type bool."""
         read = read_by(self.study) | {fact.name for fact in self.study.facts if fact.kind == "bool"}
-        numbers, codes, rates = [], [], list[dict[str, NDArray[np.int8]]]()
-        for facts in self._kept.parts(read.__contains__):
-            rulings = judge(self.study, facts, self.settings, self.seed)
-            numbers.append(facts["number"].copy())  # a view would keep all facts
-            codes.append(rulings.codes)
-            of = rates_of(self.study, facts, rulings)
-            rates.append({name: np.nan_to_num(values, nan=-1.0).astype(np.int8) for name, values in of.items()})
         worse = self._worse()
-        counted = {
-            name: Counted(np.concatenate([one[name] for one in rates]), worse.get(name, "")) for name in rates[0]
-        }
-        passed = np.concatenate(codes) == VERDICTS.index(Verdict.PASS)
-        return Outline(np.concatenate(numbers), self.study.id, passed, counted)
+
+        def parts() -> Iterator[OutlinePart]:
+            for facts in self._kept.parts(read.__contains__):
+                rulings = judge(self.study, facts, self.settings, self.seed)
+                rates = rates_of(self.study, facts, rulings).items()
+                counted = {name: np.nan_to_num(values, nan=-1.0).astype(np.int8) for name, values in rates}
+                yield facts["number"].copy(), rulings.codes == VERDICTS.index(Verdict.PASS), counted
+
+        return outline_in_parts(parts(), self.study.id, lambda name: worse.get(name, ""))
 
     def _worse(self) -> dict[str, Worse]:
         rates = {name: worse for name, _, worse in RATES}
