@@ -49,48 +49,23 @@ class _OnDisk(FunctionCache):  # type: ignore[misc]
         return None
 
 
-class Kernel:
-    """A kernel as Python calls it; what compiles it is made when it is needed: of hundreds, a command calls ten.
+def outer(function: Callable[..., object], options: dict[str, Any], folder: str) -> _Outer:
+    """Return a kernel as Python calls it; machine code is kept in the folder, or where numba's lies if it is empty."""
+    return _kept(_Outer(function, targetoptions=options, pipeline_class=_WholeCompiler), _OnDisk, folder)
 
-    Args:
-        function: the source.
-        options: those of `numba.njit`.
-    """
 
-    def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
-        functools.update_wrapper(self, function)
-        self.py_func, self._options, self._folder = function, {**options, "nopython": True}, config.CACHE_DIR
+def inner(function: Callable[..., object], options: dict[str, Any], folder: str) -> _Inner:
+    """Return a kernel as other kernels call it; what is compiled is kept as for `outer`."""
+    return _kept(_Inner(function, targetoptions=options, pipeline_class=_LinkedCompiler), _LinkedOnDisk, folder)
 
-    def __call__(self, *arguments: object, **named: object) -> object:
-        """Run the machine code."""
-        return self._outer(*arguments, **named)
 
-    def __reduce__(self) -> str | tuple[Any, ...]:
-        name: str = self.py_func.__qualname__
-        return (Kernel, (self.py_func, self._options)) if "<locals>" in name else name
-
-    @functools.cached_property
-    def _outer(self) -> _Outer:
-        outer = _Outer(self.py_func, targetoptions=self._options, pipeline_class=_WholeCompiler)
-        return self._kept(outer, _OnDisk)
-
-    @functools.cached_property
-    def _inner(self) -> _Inner:
-        inner = _Inner(self.py_func, targetoptions=self._options, pipeline_class=_LinkedCompiler)
-        return self._kept(inner, _LinkedOnDisk)
-
-    @property
-    def _numba_type_(self) -> types.Type:  # by which the compiler knows what it is, in kernels that call it
-        return types.Dispatcher(self._inner)
-
-    def _kept(self, compiled: D, on_disk: type[FunctionCache]) -> D:
-        """Let compiled code be kept where it was to be when the kernel was defined."""
-        now, config.CACHE_DIR = config.CACHE_DIR, self._folder
-        try:
-            compiled._cache = on_disk(self.py_func)
-        finally:
-            config.CACHE_DIR = now
-        return compiled
+def _kept(compiled: D, on_disk: type[FunctionCache], folder: str) -> D:
+    now, config.CACHE_DIR = config.CACHE_DIR, folder or config.CACHE_DIR
+    try:
+        compiled._cache = on_disk(compiled.py_func)
+    finally:
+        config.CACHE_DIR = now
+    return compiled
 
 
 class _Outer(CPUDispatcher):  # type: ignore[misc]

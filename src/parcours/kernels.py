@@ -4,7 +4,8 @@ Numba's disk cache looks only at the file a kernel stands in: it misses an edit 
 inlined, and a change of compiler flags. So the cache lives in a folder named by a hash of every kernel source and of
 the library versions; an edit anywhere starts a fresh folder, and stale machine code can never run.
 
-Without numba, kernels run as plain Python: the same results, slowly.
+Without numba, kernels run as plain Python: the same results, slowly. It is loaded when a kernel is first called, since
+it takes as long to load as many a command.
 
 Compiled code freezes what is global. A few words of memory are read when it runs instead (`chosen`, `spend`): they
 choose among the mutants that one build holds (`parcours.study.mutation`), end loops that do not, and note what is run.
@@ -17,8 +18,10 @@ import functools
 import hashlib
 import os
 import re
+import sys
+import threading
 from collections.abc import Callable, Iterator
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -26,21 +29,41 @@ import numpy as np
 
 from parcours.errors import BadRequest
 
-try:
-    import numba
-    import numba.extending
-except ImportError:
-    numba = None
-
 F = TypeVar("F", bound=Callable[..., object])
 
 Record = Any
 """A numpy record (or array of records) of a dtype that the kernel's docstring names; numba reads its fields by name."""
 
-IS_COMPILED = numba is not None
-"""Whether kernels are compiled on this machine."""
-
 _PACKAGE = Path(__file__).parent
+_LOADING = threading.Lock()
+_loaded: list[Any] = []  # the module that compiles kernels, or None, once that is known
+_kept_in = ""  # the folder for the machine code of kernels that are defined now; that of `kernel_cache` if empty
+
+
+def is_compiled() -> bool:
+    """Return whether kernels are compiled on this machine: numba is there."""
+    return _compiler() is not None
+
+
+def _compiler() -> Any:
+    """Return the module that compiles kernels, loaded when it is first needed; None without numba."""
+    if not _loaded:
+        with _LOADING:
+            _loaded.append(_load())  # twice at worst, by two threads: the first counts
+    return _loaded[0]
+
+
+@functools.cache
+def _load() -> Any:
+    try:
+        import numba
+    except ImportError:
+        return None
+    from parcours import kernel_compiler
+
+    numba.config.CACHE_DIR = str(kernel_cache())
+    _share_words()
+    return kernel_compiler
 
 
 @functools.cache
@@ -50,8 +73,9 @@ def kernel_cache() -> Path:
     It lies under PARCOURS_CACHE_DIR if that is set, else under XDG_CACHE_HOME or ~/.cache.
     """
     digest = hashlib.sha256()
-    for library in ("numba", "llvmlite", "numpy") if IS_COMPILED else ():
-        digest.update(version(library).encode() + b"\0")
+    for library in ("numba", "llvmlite", "numpy"):
+        with contextlib.suppress(PackageNotFoundError):
+            digest.update(version(library).encode() + b"\0")
     for package in sorted(_PACKAGE.parent.glob(f"{_PACKAGE.name}*/")):  # those that came with this one
         for folder, folders, names in os.walk(package):
             folders.sort()
@@ -63,10 +87,6 @@ def kernel_cache() -> Path:
     home = os.environ.get("PARCOURS_CACHE_DIR")
     base = Path(home) if home else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parcours"
     return base / f"kernels-{digest.hexdigest()[:16]}"
-
-
-if IS_COMPILED:
-    numba.config.CACHE_DIR = str(kernel_cache())
 
 
 def kernel(function: F) -> F:
@@ -86,13 +106,46 @@ def heap_kernel(function: F) -> F:
 
 
 def _compiled(function: F, heap: bool) -> F:
-    if not IS_COMPILED:
-        return _plain(function)
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": True, "_nrt": heap}
     options["no_cfunc_wrapper"] = True  # nobody takes a kernel's address, and that wrapper is a tenth of compilation
-    from parcours.kernel_compiler import Kernel  # numba is there
-
     return cast(F, Kernel(function, options))
+
+
+class Kernel:
+    """A kernel as Python calls it; what compiles it is made when it is needed: of hundreds, a command calls ten.
+
+    Args:
+        function: the source.
+        options: those of `numba.njit`.
+    """
+
+    def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func, self._options, self._folder = function, {**options, "nopython": True}, _kept_in
+
+    def __call__(self, *arguments: object, **named: object) -> object:
+        """Run the machine code."""
+        return self._outer(*arguments, **named)
+
+    def __reduce__(self) -> str | tuple[Any, ...]:
+        name: str = self.py_func.__qualname__
+        return (Kernel, (self.py_func, self._options)) if "<locals>" in name else name
+
+    @functools.cached_property
+    def _outer(self) -> Callable[..., object]:
+        compiler = _compiler()
+        if compiler is None:
+            return _plain(self.py_func)
+        found: Callable[..., object] = compiler.outer(self.py_func, self._options, self._folder)
+        return found
+
+    @functools.cached_property
+    def _inner(self) -> Any:
+        return _compiler().inner(self.py_func, self._options, self._folder)
+
+    @property
+    def _numba_type_(self) -> Any:  # by which the compiler knows what it is, in kernels that call it
+        return _compiler().types.Dispatcher(self._inner)
 
 
 def _plain(function: F) -> F:
@@ -117,19 +170,19 @@ def _own(result: object) -> object:
 
 def require_numba(what: str) -> None:
     """Raise BadRequest unless kernels are compiled: for what plain Python cannot do, or not in time."""
-    if not IS_COMPILED:
+    if not is_compiled():
         raise BadRequest(what, "it needs numba, which is not installed", "pip install numba", slug="no-numba")
 
 
 def is_warm() -> bool:
     """Return whether an earlier run has compiled these very sources, or there is no numba to compile them."""
     folder = kernel_cache()
-    return not IS_COMPILED or (folder.is_dir() and any(folder.rglob("*.nbc")))
+    return not is_compiled() or (folder.is_dir() and any(folder.rglob("*.nbc")))
 
 
 def tell_of_compiling(tell: Callable[[], None]) -> None:
     """Call a function once, when this process first compiles anything: an earlier run may have compiled a part only."""
-    if not IS_COMPILED:
+    if not is_compiled():
         return
     from numba.core import event
 
@@ -200,13 +253,14 @@ def spend() -> bool:
 
 def keep_kernels_in(folder: Path) -> None:
     """Keep the machine code of kernels that are defined from now on in a folder of their own."""
-    if IS_COMPILED:
-        numba.config.CACHE_DIR = str(folder)
+    global _kept_in
+    _kept_in = str(folder)
 
 
 def refused_lines(error: BaseException) -> list[tuple[str, int]]:
     """Return the places that the compiler complains of, (file, line), innermost first; none if it did not complain."""
-    if not IS_COMPILED or not isinstance(error, numba.core.errors.NumbaError):
+    numba = sys.modules.get("numba")
+    if numba is None or not isinstance(error, numba.core.errors.NumbaError):
         return []
     found = re.findall(r'File "([^"]+)", line (\d+)', str(error))
     return [(os.path.abspath(file), int(line)) for file, line in found]  # noqa: PTH100 - as written, links unresolved
@@ -215,6 +269,7 @@ def refused_lines(error: BaseException) -> list[tuple[str, int]]:
 def _share_words() -> None:
     """Let kernels reach the words by a symbol, which is resolved when machine code is loaded, from disk also."""
     import llvmlite.binding
+    import numba.extending
     from llvmlite import ir
 
     symbol = "parcours_words"
@@ -254,7 +309,3 @@ def _share_words() -> None:
 
     numba.extending.overload(chosen)(lambda place: lambda place: load(place))
     numba.extending.overload(spend)(lambda: spending)
-
-
-if IS_COMPILED:
-    _share_words()

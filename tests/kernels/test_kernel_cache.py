@@ -58,7 +58,7 @@ def test_without_numba_kernels_give_the_same_results_and_nothing_is_to_be_compil
     source = str(Path(parcours.__file__).parent.parent)
     said = []
     for path, is_compiled in ((source, True), (f"{tmp_path}{os.pathsep}{source}", False)):
-        code = DRAWN + f"assert kernels.IS_COMPILED == {is_compiled} and (kernels.IS_COMPILED or kernels.is_warm())"
+        code = DRAWN + f"assert kernels.is_compiled() == {is_compiled} and (kernels.is_compiled() or kernels.is_warm())"
         script = tmp_path / "apart" / "script.py"  # whose folder comes first on the path
         script.parent.mkdir(exist_ok=True)
         script.write_text(code)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from parcours.data.drawing import TRIES, checked, draw, ends_of
 from parcours.data.inputs import InputModel
 from parcours.data.selecting import Rows
-from parcours.kernels import IS_COMPILED, kernel
+from parcours.kernels import is_compiled, kernel
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
 from parcours.streams import GOLDEN, VALUES, mix, starts
 
@@ -57,7 +57,7 @@ class Drawer:
                     for step in (*_program(one.expression, model.names, numbers), (_DEMAND, 0))]  # fmt: skip
         except _NoProgramError:
             return
-        if IS_COMPILED:
+        if is_compiled():
             self._code, self._numbers = np.array(code, np.int64).reshape(len(code), 2), np.array(numbers)
             self._stack = np.zeros(len(code) + 1)
 

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, cast
 
 from parcours.errors import BadRequest, one_of
+from parcours.kernels import is_compiled
 from parcours.run.exception_text import is_ctrl_c, said
 from parcours.run.heartbeat import write_place
 from parcours.study.loading import SourceFile, read_source
@@ -155,6 +156,7 @@ def load_planner(planner: PlannerLike, source: SourceFile | None = None) -> Plug
     >>> load_planner(lambda observation: (0.0, 0.0)).reset is None
     True
     """
+    is_compiled()  # what worlds need is loaded before code that could stand in its way
     if isinstance(planner, str) and is_stack(planner):
         write_place("its binding")
         return _ready(planner, importlib.import_module(STACKS).StackPlanner(planner))

@@ -52,7 +52,6 @@ class SystemStudy:
     requirements: Requirements = NO_REQUIREMENTS  # beside the sound outcome
 
     def __post_init__(self) -> None:
-        require_numba("simulating the world")
         for name, value in (("time_limit", self.time_limit), ("watched_on", self.watched_on)):
             least = 0.0 if name == "watched_on" else 0.01
             if not least <= value <= LONGEST:
@@ -97,6 +96,7 @@ class SystemStudy:
 
         `results` receives what is judged, as `run_and_judge` says.
         """
+        require_numba("simulating the world")
         facts = np.zeros(len(numbers), FACTS)
         obstacles = self.cases.obstacles(numbers)
         n = obstacles.shape[1]
@@ -143,6 +143,7 @@ class SystemStudy:
         By default in about eight shards, of 64 to 2048 cases each; a large campaign has 128, of up to 8192 cases, which
         take some seconds each.
         """
+        require_numba("simulating the world")  # before a folder is made
         return Campaign(
             study=STUDY,
             schedule=self.parameters.schedule,

@@ -14,7 +14,7 @@ if sys.argv[1] == "plain":
 import hashlib
 from dataclasses import replace
 import numpy as np
-from parcours.kernels import IS_COMPILED
+from parcours.kernels import is_compiled
 from parcours_navigation.others.agents import begin_agents, step_agents
 from parcours_navigation.others.drawing import drawn
 from parcours_navigation.others.entries import Others
@@ -51,7 +51,7 @@ for preset in PRESETS.values():
         drive_body(body, 0.01)
     digest.update(body.tobytes())
 how = "plain"
-if IS_COMPILED:
+if is_compiled():
     from numba.core.registry import cpu_target
     how = cpu_target.target_context.codegen().magic_tuple()[1]
 print(digest.hexdigest(), how)

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
+from parcours.kernels import is_compiled
 from parcours.run import heartbeat as heartbeat
 from parcours.run.exception_text import Overdue, without_addresses
 from parcours.streams import starts
@@ -97,6 +98,7 @@ class PythonCaller:
         source: SourceFile | None = None,
     ) -> None:  # fmt: skip
         self._study, self._settings, self._seed = study, settings, seed
+        is_compiled()  # what draws cases is loaded before code that could stand in its way
         if isinstance(target, str):
             alarm.set(heartbeat.NO_CASE, max(LOADING, 6.0 * study.patience))
             found = load(target, study.folder, source)

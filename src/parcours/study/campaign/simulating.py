@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
+from parcours.kernels import is_compiled
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
 from parcours.run.exception_text import Overdue, is_ctrl_c, reason_bytes, words_of
@@ -59,7 +60,8 @@ class Simulation:
         return 2.0 * max(LOADING, 6.0 * self.study.patience)
 
     def prepare(self) -> bool:
-        """Say that workers may be forked: this process has loaded no file that a study names."""
+        """Load what draws cases, for all workers; these may be forked: no file that a study names is loaded here."""
+        is_compiled()
         return True
 
     def without(self, lost: tuple[heartbeat.LostCase, ...]) -> Self:
