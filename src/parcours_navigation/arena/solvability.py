@@ -11,6 +11,8 @@ speed, and SOLVABLE only for discs. docs/solvability.md has the errors.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,8 @@ from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.arena.lattice import EDGE, ROWS, WORDS, lay_lattice, lay_points
 from parcours_navigation.arena.obstacles import place_at
 from parcours_navigation.arena.reachable import earliest_inner, earliest_outer, leg_is_free, nanoseconds
+
+_ALONE = 64  # fewer cases are not worth a second thread
 
 UNSOLVABLE, UNDECIDED, SOLVABLE = 0, 1, 2
 """What `answer` may be."""
@@ -76,7 +80,14 @@ def solve(
             raise BadRequest(f"solvability, {name}", rule, slug="solvability-range")
     lattice = lay_lattice(lay_points(start, goal, tolerance, limit, v_max, robot_radius, margin))
     found = np.zeros(len(obstacles), SOLVABILITY)
-    _solve_all(obstacles, lattice.record, lattice.near, lattice.edge, lattice.caps, inner, found)
+    half = max(-(-len(found) // 2), _ALONE)
+
+    def fill(first: int) -> None:
+        part = slice(first, first + half)
+        _solve_all(obstacles[part], lattice.record, lattice.near, lattice.edge, lattice.caps, inner, found[part])
+
+    with ThreadPoolExecutor(2) as halves:  # kernels let go of Python
+        list(halves.map(fill, range(0, len(found), half)))
     return found
 
 
