@@ -42,7 +42,7 @@ def pack(rows: NDArray[np.void]) -> bytes:
     return bytes(sink.getvalue())
 
 
-def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> None:
+def unpack(content: bytes | memoryview, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> None:
     """Fill rows with what was packed.
 
     Args:
@@ -62,7 +62,7 @@ def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> 
 
     try:
         file = pq.ParquetFile(pa.BufferReader(content))
-        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != _names(dtype):
+        if file.metadata.num_rows != len(rows) or file.schema_arrow.names != leaf_names(dtype):
             raise ValueError(f"{len(rows)} rows of {dtype.itemsize} bytes are expected, but it holds others")
         leaves = dict(_leaves(rows))
         table = file.read(list(leaves), use_threads=False)
@@ -74,8 +74,25 @@ def unpack(content: bytes, dtype: np.dtype[np.void], rows: NDArray[np.void]) -> 
 
 
 @functools.lru_cache(maxsize=8)
-def _names(dtype: np.dtype[np.void]) -> list[str]:
+def leaf_names(dtype: np.dtype[np.void]) -> list[str]:
+    """Return the names of the columns of a record."""
     return [name for name, _ in _leaves(np.empty(0, dtype))]
+
+
+def places(content: bytes) -> Iterator[tuple[str, int, int]]:
+    """Yield where each column lies in what was packed: name, first byte, bytes."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    about = pq.ParquetFile(pa.BufferReader(content)).metadata
+    for k in range(about.num_columns):
+        column = about.row_group(0).column(k)
+        yield column.path_in_schema.removesuffix(".list.element"), column.data_page_offset, column.total_compressed_size
+
+
+def end_of(content: bytes) -> int:
+    """Return where the end of what was packed begins, which says where the columns lie; its size stands before PAR1."""
+    return len(content) - int.from_bytes(content[-8:-4], "little") - 8
 
 
 def _leaves(rows: NDArray[Any], name: str = "") -> Iterator[tuple[str, NDArray[Any]]]:

@@ -11,7 +11,8 @@ import numpy as np
 from parcours.errors import BadResults
 from parcours.run.manifest import FORMER, read_manifest, write_manifest
 from parcours.run.stops import STOP, Stop
-from parcours.run.store import Rows, Store, damaged, open_results, summed
+from parcours.run.store import Rows, Store, open_results
+from parcours.run.sums import damaged, summed
 
 
 def convert(folder: Path) -> Store:

@@ -6,7 +6,6 @@ A shard holds the results of consecutive cases, without padding and little-endia
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import re
 from collections import deque
@@ -22,12 +21,13 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadResults, HostFailure
 from parcours.run.atomic import sweep, unwritable, write_atomically
-from parcours.run.columns import pack, unpack
+from parcours.run.columns import leaf_names, pack, unpack
 from parcours.run.locations import is_bucket, names_in
 from parcours.run.manifest import MANIFEST as MANIFEST
 from parcours.run.manifest import Campaign as Campaign
 from parcours.run.manifest import differences, read_manifest, write_manifest
 from parcours.run.stops import read_stop
+from parcours.run.sums import damaged, sum_of, summed, summed_columns, sums
 
 _PART = 4 << 20  # bytes of rows that are read together: few enough for a cache, enough for NumPy
 _SUM = re.compile(r"shard-(\d{6,})\.parquet\.sha256", re.ASCII)
@@ -64,12 +64,12 @@ class Store:
 
     def has(self, shard: int) -> bool:
         """Return whether a shard is finished."""
-        return _sum(self.path(shard)).exists()
+        return sum_of(self.path(shard)).exists()
 
     def discard(self, shards: Iterable[int]) -> None:
         """Remove shards."""
         for shard in shards:
-            for path in (_sum(self.path(shard)), self.path(shard)):
+            for path in (sum_of(self.path(shard)), self.path(shard)):
                 path.unlink(missing_ok=True)
 
     def path(self, shard: int) -> Path:
@@ -110,7 +110,7 @@ class Store:
         path = self.path(shard)
         # The rows come first: a shard counts as finished when its sum is there: a kill in between costs one shard.
         write_atomically(path, content)
-        write_atomically(_sum(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n".encode())
+        write_atomically(sum_of(path), sums(content, path.name))
 
     def read(self, shard: int, names: Sequence[str] = ()) -> Rows:
         """Return the results of a finished shard, shape (len(cases),): all fields, or those of these names.
@@ -122,16 +122,16 @@ class Store:
         """
         return self._read((shard,), _chosen(self.campaign.dtype, names))
 
-    def _read(self, shards: Sequence[int], dtype: np.dtype[np.void]) -> Rows:
+    def _read(self, shards: Sequence[int], dtype: np.dtype[np.void], columns: Sequence[str] = ()) -> Rows:
         rows = np.empty(sum(len(self.campaign.cases(shard)) for shard in shards), dtype)
-        self._fill(rows, shards)
+        self._fill(rows, shards, columns)
         return rows
 
-    def _fill(self, rows: Rows, shards: Sequence[int]) -> None:
+    def _fill(self, rows: Rows, shards: Sequence[int], columns: Sequence[str] = ()) -> None:
         at = 0
         for shard in shards:
             path, n = self.path(shard), len(self.campaign.cases(shard))
-            content = summed(path)
+            content = summed_columns(path, columns) if columns else summed(path)
             try:
                 unpack(content, self.campaign.dtype, rows[at : at + n])
             except ValueError as error:
@@ -158,18 +158,20 @@ class Store:
         Two threads read ahead: reading is inflating and summing, which Python lets run beside it.
 
         Args:
-            names: the only fields that are wanted, as for `read`; all if empty.
+            names: the only fields that are wanted, as for `read`; all if empty. Where they are few of a large shard,
+                only their sums are looked at.
 
         Raises BadResults: a shard is damaged.
         """
         dtype = _chosen(self.campaign.dtype, names)
+        columns = leaf_names(dtype) if names else ()
         finished, together = self.in_order(), max(1, _PART // (dtype.itemsize * self.campaign.shard_size))
         groups = [finished[k : k + together] for k in range(0, len(finished), together)]
         ahead = deque[Future[Rows]]()
         with ThreadPoolExecutor(2) as readers:
             try:
                 for group in groups:
-                    ahead.append(readers.submit(self._read, group, dtype))
+                    ahead.append(readers.submit(self._read, group, dtype, columns))
                     if len(ahead) > 3:
                         yield ahead.popleft().result()
                 while ahead:
@@ -246,31 +248,6 @@ def open_results(folder: Path) -> Store:
             campaign's.
     """
     return Store(folder, read_manifest(folder))
-
-
-def summed(path: Path) -> bytes:
-    """Return a file's bytes, once they have sum and name noted beside it. Raises BadResults: they do not."""
-    try:
-        content, noted = path.read_bytes(), _sum(path).read_text(encoding="ascii").split()
-    except (OSError, UnicodeDecodeError) as error:
-        raise damaged(path, f"must be readable with its sum, but: {error}") from error
-    found = hashlib.sha256(content).hexdigest()
-    if len(noted) == 2 and noted[1] != path.name:
-        raise damaged(path, f"must be the file whose SHA-256 stands beside it, but that is {noted[1]}'s")
-    if not noted or noted[0] != found:
-        given = f"its {len(content)} bytes have {found[:12]}...: it was cut short or changed"
-        raise damaged(path, f"must have the SHA-256 noted beside it, but {given}")
-    return content
-
-
-def _sum(path: Path) -> Path:
-    return path.with_name(path.name + ".sha256")
-
-
-def damaged(path: Path, rule: str) -> BadResults:
-    """Return the complaint about a shard."""
-    remedy = "give the command that ran the campaign again: it computes what is damaged"
-    return BadResults(str(path), rule, remedy, slug="shard-damaged")
 
 
 def _chosen(dtype: np.dtype[np.void], names: Sequence[str]) -> np.dtype[np.void]:
