@@ -23,14 +23,24 @@ from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_sound_cases_pass_and_are_reported(schedule: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def not_watched_on(study: SystemStudy, number: int) -> Judgement:
-        return judge_sampled(dataclasses.replace(study, watched_on=0.0), number)
+    def not_watched_on(study: SystemStudy, number: int, pairs: set[str]) -> Judgement:
+        return judge_sampled(dataclasses.replace(study, watched_on=0.0), number, pairs)
 
     monkeypatch.setattr(sampling, "judge_sampled", not_watched_on)
     arguments = ["run", "ramp_system", "--schedule", schedule, "--cases", "4", "--time-limit", "1", "--judged", "3"]
     run = CliRunner().invoke(parcours, [*arguments, "--workers", "1", "--out", str(tmp_path)])
     assert {number: one["verdict"] for number, one in read_sampled(tmp_path).items()} == {"0": "pass", "3": "pass"}
     assert "Sampled cases" in run.output
+    asked = CliRunner().invoke(parcours, ["coverage", str(tmp_path), "--json"])
+    goals = {one["name"]: one for one in json.loads(asked.output)}
+    pairs = goals["pairs of transitions taken, judged cases"]
+    assert 20 < pairs["held"] < pairs["wanted"] and "p12 p13" not in pairs["missing"]
+    assert set(pairs["missing"]).isdisjoint(
+        ", ".join(one["pairs"] for one in read_sampled(tmp_path).values()).split(", ")
+    )
+    assert goals["transitions taken"]["held"] > 20
+    oracles = goals["data oracles asked, judged cases"]
+    assert 10 < oracles["held"] <= oracles["wanted"] and not any(one.startswith("p15:") for one in oracles["missing"])
     before = shutil.copytree(tmp_path, tmp_path / "before")
     failed = json.loads((tmp_path / FILE).read_bytes())
     failed["3"]["verdict"] = "fail"

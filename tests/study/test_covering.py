@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +35,10 @@ class Made:
 def test_folders_count_together_and_what_is_missing_is_named() -> None:
     one, other = Made([(0.5, 0.5), (1.5, 0.5)], ["a", "a"]), Made([(0.5, 1.5)], ["a"])
     goals = {goal.name: goal for goal in coverage({"one": one, "other": other})}  # type: ignore[dict-item]
-    assert [(goal.wanted, goal.held) for goal in goals.values()] == [(4, 4), (4, 3), (2, 1), (8, 4)]
+    assert [(goal.wanted, goal.held) for goal in goals.values()] == [(4, 4), (4, 3), (2, 1), (8, 4), (8, 3)]
     assert goals["blocks, pairs"].missing == ("x = (1, 2], y = (1, 2]",) and goals["start, each"].missing == ("b",)
     assert goals["start x blocks"].missing[0] == "b: x in [0, 1] m"
+    assert goals["start x pairs"].missing[0] == "a: x = (1, 2], y = (1, 2]"
     alone = {goal.name: goal for goal in coverage({"one": one})}  # type: ignore[dict-item]
     assert alone["blocks, each"].missing == ("y in (1, 2] m",) and "a: y in (1, 2] m" in alone["start x blocks"].missing
 
@@ -87,3 +90,32 @@ def test_classes_meet_every_block_and_what_cannot_be_covered_is_refused(tmp_path
     for slug, until in wrong.items():
         with pytest.raises(BadRequest, match=f"until-{slug}"):
             closing(request(*until, most=2), *given)
+
+
+class Marked(Made):
+    """Results whose cases meet what a test says."""
+
+    def __init__(self, words: tuple[str, ...], met: list[list[bool]]) -> None:
+        super().__init__([(0.5, 0.5)] * len(met), ["a"] * len(met))
+        self._drawn = dataclasses.replace(self._drawn, marks={"marks": (words, np.array(met))})
+
+
+def test_marks_that_some_case_met_count_over_all_folders_also_where_these_have_different_ones() -> None:
+    one = Marked(("p1", "p2", "p3"), [[True, False, False], [False, True, False]])
+    other = Marked(("p3", "p4"), [[False, False]])
+    (goal,) = (goal for goal in coverage({"one": one, "other": other}) if goal.name == "marks")  # type: ignore[dict-item]
+    assert (goal.wanted, goal.held, goal.missing) == (4, 2, ("p3", "p4"))
+
+
+def test_rules_that_decided_a_case_count_and_three_blocks_together_are_looked_for_on_request(tmp_path: Path) -> None:
+    parking = str(Path(__file__).parents[2] / "examples" / "parking")
+    CliRunner().invoke(parcours, ["run", parking, "--cases", "60", "--workers", "1", "--out", str(tmp_path / "out")])
+    page = str(tmp_path / "page.html")
+    shown = CliRunner().invoke(
+        parcours, ["coverage", str(tmp_path / "out"), "--strength", "3", "--html", page, "--json"]
+    )
+    goals = {one["name"]: one for one in json.loads(shown.stdout)}
+    assert goals["blocks, 3-wise"]["held"] == goals["blocks, 3-wise"]["wanted"] == 12
+    rules = goals["rules that decided a case"]
+    assert (rules["held"], rules["wanted"]) == (2, 2)
+    assert "Covered and missing" in Path(page).read_text() and "verdicts, each" in Path(page).read_text()

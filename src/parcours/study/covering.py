@@ -1,9 +1,9 @@
-"""What campaigns have covered together, and what is missing: blocks of test data, pairs of them, classes of cases."""
+"""What campaigns have covered together, and what is missing: blocks of test data, t-wise, and what became of cases."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Protocol, runtime_checkable
 
@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from parcours.data import InputModel, cover, measure
 from parcours.errors import BadRequest
+from parcours.report.pieces import Column, Page, Section, Table
 from parcours.study.protocol import Request, Results
 from parcours.study.stopping import MOST_CASES, pairs_wanted
+
+Marks = Mapping[str, tuple[Sequence[str], NDArray[np.bool_]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,9 @@ class Drawn:
     # name -> its classes, and that of each case, shape (n_cases,): start vectors, outcomes, verdicts
     classes: Mapping[str, tuple[Sequence[str], NDArray[np.str_]]]
     crossed: str = ""  # of these classes that of which each is to meet every block; none if empty
+    # name -> what cases may meet, several at once, and whether cases met it, shape (n, n_words): transitions
+    # that were taken, requirements that were violated, rules that held
+    marks: Marks = field(default_factory=dict)
 
 
 @runtime_checkable
@@ -36,6 +42,7 @@ class Covering(Protocol):
 
 
 _WINDOW = 4096
+_TOGETHER = {1: "blocks", 2: "pairs"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +55,12 @@ class CoverageGoal:
     missing: tuple[str, ...]  # the first of what is missing, in words
 
 
-def coverage(results: Mapping[str, Results]) -> list[CoverageGoal]:
+def coverage(results: Mapping[str, Results], strength: int = 2) -> list[CoverageGoal]:
     """Return what the cases of several results, by folder, cover together.
+
+    Args:
+        results: of campaigns.
+        strength: how many blocks at most are looked for together, alone and with each class that is crossed with them.
 
     Raises BadRequest: some know nothing of their inputs, or they are of different inputs.
     """
@@ -65,23 +76,60 @@ def coverage(results: Mapping[str, Results]) -> list[CoverageGoal]:
         raise BadRequest(" and ".join(found), rule, "ask of each by itself", slug="coverage-kind")
     every = list(found.values())
     values = np.concatenate([one.values for one in every])
+    sizes = range(1, min(strength, len(first.inputs.domains)) + 1)
     goals = []
-    if first.inputs.domains:
-        blocks = cover(first.inputs, values)
-        goals.append(CoverageGoal("blocks, each", blocks.n_blocks, blocks.n_hit, blocks.uncovered))
-    if len(first.inputs.domains) > 1:
-        pairs = measure(values, first.inputs, 2)
-        goals.append(CoverageGoal("blocks, pairs", pairs.n_wanted, pairs.n_held, pairs.missing))
+    for t in sizes:
+        what = "each" if t == 1 else _TOGETHER.get(t, f"{t}-wise")
+        goals.append(CoverageGoal(f"blocks, {what}", *_held(first.inputs, values, t)))
     for name, (words, _) in first.classes.items():
         seen = np.concatenate([one.classes[name][1] for one in every])
         absent = tuple(word for word in words if word not in set(seen.tolist()))
         goals.append(CoverageGoal(f"{name}, each", len(words), len(words) - len(absent), absent))
-        if name == first.crossed and first.inputs.domains:
-            parts = {word: cover(first.inputs, values[seen == word]) for word in words}
-            missing = tuple(f"{word}: {block}" for word, part in parts.items() for block in part.uncovered)
-            wanted = sum(part.n_blocks for part in parts.values())
-            goals.append(CoverageGoal(f"{name} x blocks", wanted, wanted - len(missing), missing))
-    return goals
+        for t in sizes if name == first.crossed else ():
+            parts = {word: _held(first.inputs, values[seen == word], t) for word in words}
+            missing = tuple(f"{word}: {one}" for word, part in parts.items() for one in part[2])
+            wanted, held = sum(part[0] for part in parts.values()), sum(part[1] for part in parts.values())
+            goals.append(CoverageGoal(f"{name} x {_TOGETHER.get(t, f'{t}-wise')}", wanted, held, missing))
+    return goals + _met(every)
+
+
+def _held(inputs: InputModel, values: NDArray[np.float64], t: int) -> tuple[int, int, tuple[str, ...]]:
+    """Return how many combinations of t blocks there are, how many values hold, and the first that they do not."""
+    if t == 1:
+        blocks = cover(inputs, values)
+        return blocks.n_blocks, blocks.n_hit, blocks.uncovered
+    found = measure(values, inputs, t)
+    return found.n_wanted, found.n_held, found.missing
+
+
+def _met(every: Sequence[Drawn]) -> list[CoverageGoal]:
+    """Return the goals of marks; folders may have different ones."""
+    met: dict[str, dict[str, bool]] = {}
+    for one in every:
+        for name, (words, by_case) in one.marks.items():
+            of = met.setdefault(name, {})
+            for k, word in enumerate(words):
+                of[word] = of.get(word, False) or bool(by_case[:, k].any())
+    return [
+        CoverageGoal(name, len(of), sum(of.values()), tuple(word for word, is_met in of.items() if not is_met))
+        for name, of in met.items()
+    ]
+
+
+def coverage_page(goals: Sequence[CoverageGoal], folders: Sequence[str]) -> Page:
+    """Return a page on what is covered, drawn, and what is missing."""
+    from parcours.report.rates import shares
+
+    parts = {one.name: [one.held, one.wanted - one.held] for one in goals if one.wanted}
+    chart = shares("Covered and missing", ("covered", "missing"), parts, ("good", "bad"))
+    rows = tuple((one.name, one.held, one.wanted, one.held / max(one.wanted, 1)) for one in goals)
+    counted = Table(
+        "Coverage", (Column("of"), Column("covered", ",d"), Column("wanted", ",d"), Column("share", ".1%")), rows
+    )
+    absent = tuple((one.name, missing) for one in goals for missing in one.missing)
+    pieces = (chart, counted, Table("Missing", (Column("of"), Column("first of what no case has")), absent))
+    section = Section("Coverage", "Of all cases in these folders together.", pieces if absent else pieces[:2])
+    return Page("Coverage", ", ".join(folders), tuple(("folder", one) for one in folders), (section,))
 
 
 def closing(

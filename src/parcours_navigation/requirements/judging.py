@@ -222,6 +222,16 @@ def counts(facts: Facts, requirements: Requirements) -> dict[str, NDArray[np.int
     return found | {PASSED: (judged == _PASS).view(np.int8)}
 
 
+def asked_of(facts: Facts, requirements: Requirements) -> tuple[list[str], Flags]:
+    """Return what may become of requirements and pass rules, in words, and whether it did, shape (n_cases, n_words)."""
+    values = robustness(facts, requirements)
+    words = [f"{one.name} {what}" for one in requirements.formulas for what in ("kept", "violated")]
+    met = [flags for k in range(values.shape[1]) for flags in (values[:, k] >= 0.0, values[:, k] < 0.0)]
+    words += [f"fail: {one.text}" for one in requirements.rules]
+    met += [holds(one.formula, facts) for one in requirements.rules]
+    return words, np.array(met, bool).reshape(len(words), len(facts)).T
+
+
 def rates(facts: Facts, requirements: Requirements) -> dict[str, Values]:
     """Return what `counts` does as numbers, NaN where a requirement was not judged, shape (n_cases,) each."""
     counted = counts(facts, requirements)

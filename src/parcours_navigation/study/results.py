@@ -7,6 +7,7 @@ import functools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
@@ -28,6 +29,7 @@ from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.requirements.judging import (
     PASSED,
     RATES,
+    asked_of,
     counts,
     explained,
     finite_robustness,
@@ -53,6 +55,8 @@ from parcours_navigation.study.outcome_tables import (
 )
 from parcours_navigation.study.replay_picture import animation
 
+_EDGES = (0.0, 0.05, 0.1, 0.2, 0.5)  # of bands of distance [m]
+_BANDS = ("below 0 m", *(f"{low:g} to {high:g} m" for low, high in pairwise(_EDGES)), f"{_EDGES[-1]:g} m and more")
 _REPLAYS = 3  # on a page on one folder
 
 _LESS_IS_WORSE = {
@@ -177,13 +181,17 @@ class PlannerResults:
         cases, numbers = self.found.cases, self.found.facts["number"]
         of = np.array([".".join(map(str, cases.vector(int(number)))) for number in numbers], str)
         starts = start_vectors(cases)
-        words = [one.name.lower() for one in Outcome]
-        classes = {"outcomes": (words, np.array(words)[outcomes(self.found.facts)])}
+        words, facts = [one.name.lower() for one in Outcome], self.found.facts
+        bands = np.array(_BANDS)[np.digitize(facts["min_clearance"], _EDGES)]
+        classes = {
+            "outcomes": (words, np.array(words)[outcomes(facts)]),
+            "least clearance": (_BANDS, bands),
+        }
+        marks = {"requirements": asked_of(facts, self.found.requirements)} if self.found.requirements else {}
         if starts != ("",):
-            return Drawn(
-                cases.inputs, cases.values(numbers), {"start vectors": (starts, of), **classes}, "start vectors"
-            )
-        return Drawn(cases.inputs, cases.values(numbers), classes)
+            classes = {"start vectors": (starts, of), **classes}
+            return Drawn(cases.inputs, cases.values(numbers), classes, "start vectors", marks)
+        return Drawn(cases.inputs, cases.values(numbers), classes, marks=marks)
 
     def replays(self, most: int) -> list[Animation]:
         """Return replays of the worst cases of the commonest causes of failures, those that can be run again."""

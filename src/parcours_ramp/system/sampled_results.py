@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,22 +14,30 @@ from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.study.comparing import Counted, Outline
+from parcours.study.covering import Drawn, Marks
 from parcours.study.protocol import Reported
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.study.campaigns import FinishedCampaign
 from parcours_navigation.study.results import PlannerResults
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 
 FILE = "sampled.json"
 
 
 def read_sampled(folder: Path) -> dict[str, dict[str, str]]:
-    """Return verdict and reason of each sampled case by its number; empty if none was. Raises BadResults."""
+    """Return verdict, reason and pairs of transitions of each sampled case by its number; empty if none was.
+
+    Raises BadResults: they cannot be read.
+    """
     path = folder / FILE
     if not path.exists():
         return {}
     try:
         document = json.loads(path.read_bytes())
-        return {str(int(k)): {"verdict": str(Verdict(v["verdict"])), "why": str(v["why"])} for k, v in document.items()}
+        return {
+            str(int(k)): {"verdict": str(Verdict(v["verdict"])), "why": str(v["why"]), "pairs": str(v.get("pairs", ""))}
+            for k, v in document.items()
+        }
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         rule = f"sampled cases must be readable, but: {error}"
         raise BadResults(str(path), rule, "delete it, and run the command again", slug="results-sampled") from error
@@ -48,6 +57,34 @@ class SampledCampaign(PlannerResults):
             for number, one in self._sampled.items()
         ]
         return [*super().cases(), *again]
+
+    def drawn(self) -> Drawn:
+        """Return what the cases were made of, and what they met of the component model."""
+        plain, taken = super().drawn(), self.found.facts["transitions"] > 0
+        marks = {**plain.marks, "transitions taken": (TRANSITIONS, taken)}
+        if self._sampled:
+            judged = taken[np.isin(self.found.facts["number"], [int(number) for number in self._sampled])]
+            marks |= self._judged(set(np.array(TRANSITIONS)[judged.any(axis=0)].tolist()))
+        return replace(plain, marks=marks)
+
+    def _judged(self, taken: set[str]) -> Marks:
+        """Return what the sampled cases met, in which these transitions were taken."""
+        from parcours_ramp.components.model import component_model
+
+        model = component_model(self.label)
+        machines = [one for component in model.components for one in component.machines]
+        pairs = [f"{a.id} {b.id}" for one in machines for a in one.transitions for b in one.transitions
+                 if a.target == b.source]  # fmt: skip
+        met = np.array([np.isin(pairs, one["pairs"].split(", ")) for one in self._sampled.values()])
+        # A formula of a transition is asked when that is taken, one of a channel of every message on it.
+        moves = [one for machine in machines for one in machine.transitions]
+        sent = {send.channel for one in moves if one.id in taken for send in one.sends}
+        oracles = {f"{one.id}: {of.name}": one.id in taken for one in moves for of in one.ensures}
+        oracles |= {f"{one.name}: {of.name}": one.name in sent for one in model.channels for of in one.ensures}
+        return {
+            "pairs of transitions taken, judged cases": (pairs, met),
+            "data oracles asked, judged cases": (list(oracles), np.array([list(oracles.values())])),
+        }
 
     def outline(self) -> Outline:
         """Return what a comparison needs; the sampled ones, of which no rate is known, have numbers below 0."""

@@ -135,7 +135,10 @@ class CampaignResults:
         """Return what the cases were made of, and their verdicts."""
         seen = np.array(VERDICTS, str)[self.rulings.codes]
         values = self.study.drawn(self.facts["number"], self.seed)
-        return Drawn(self.study.inputs, values, {"verdicts": ([str(one) for one in Verdict], seen)})
+        words = [rule.why or rule.when for rule in (*self.study.inconclusive, *self.study.fail)]
+        held = [self.rulings.places == self.rulings.reasons.index(word) for word in words]
+        rules = {"rules that decided a case": (words, np.array(held, bool).T)} if words else {}
+        return Drawn(self.study.inputs, values, {"verdicts": ([str(one) for one in Verdict], seen)}, marks=rules)
 
     def replay(self, case: str) -> Page:
         """Return a page on one case, simulated again: it must give the facts that were kept."""
