@@ -49,11 +49,11 @@ def _compiler() -> Any:
     """Return the module that compiles kernels, loaded when it is first needed; None without numba."""
     if not _loaded:
         with _LOADING:
-            _loaded.append(_load())  # twice at worst, by two threads: the first counts
+            if not _loaded:
+                _loaded.append(_load())
     return _loaded[0]
 
 
-@functools.cache
 def _load() -> Any:
     try:
         import numba

@@ -1,7 +1,7 @@
 """The sums beside a shard: of the whole, and of each column of a large one, so that few can be read without the rest.
 
 shard-000000.parquet.sha256   6f1e…  shard-000000.parquet
-                              83a0…  4+406 number            the column's bytes: from the fourth on, 406
+                              83a0…  4+406 number            the column's bytes: 406 from byte 4 on
                               91bc…  1487022+5319            the end of the file, which says where columns lie
 """
 
