@@ -44,7 +44,7 @@ def system_cases(n: int, seed: int, seconds: float) -> Iterator[tuple[str, Judge
     for k in range(n):
         schedule, protocol = kinds[k % len(kinds)]
         where = f"seed {seed}, {schedule}, {protocol}, case {k // len(kinds)}"
-        yield where, judge_sampled(studies[k % len(kinds)], k // len(kinds))
+        yield where, judge_sampled(studies[k % len(kinds)], k // len(kinds)).judgement
 
 
 def look_at(what: str, found: Iterator[tuple[str, Judgement]]) -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from parcours.data import InputModel, enumeration, split
 from parcours.data.inputs import constraint_of
-from parcours.data.measuring import measure
+from parcours.data.measuring import HeldCombinations, cover, measure
 from parcours.data.tables import read_table
 from parcours.errors import BadRequest
 from parcours.model.expression import parse_expression
@@ -58,6 +58,22 @@ def test_coverage_is_what_counting_gives(rows: list[tuple[float, float, float]],
     assert len(found.missing) == found.n_missing == len(wanted - held)
     assert len(found.uncounted) == len(rows) - len(counted)
     assert found.is_complete == (wanted == held) and found.share == pytest.approx(len(held) / len(wanted))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(CELLS, st.integers(0, 1)), max_size=12), st.integers(0, 12), st.integers(1, 3))
+def test_tables_one_after_the_other_and_groups_hold_what_each_holds_alone(
+    rows: list[tuple[tuple[float, float, float], int]], cut: int, strength: int
+) -> None:
+    table = np.array([row for row, _ in rows], dtype=float).reshape(len(rows), 3)
+    of = np.array([group for _, group in rows], np.int64)
+    found, parts = HeldCombinations(MODEL, strength, 2), [cover(MODEL, part) for part in (table[:cut], table[cut:])]
+    counted = sum(found.add(table[part], of[part]).sum() for part in (slice(0, cut), slice(cut, None)))
+    for group, alone in ((None, table), (0, table[of == 0]), (1, table[of == 1])):
+        one = measure(alone, MODEL, strength)
+        assert found.held(group) == (one.n_held, one.missing) and found.n_wanted == one.n_wanted
+    assert counted == measure(table, MODEL, strength).n_counted
+    assert parts[0] + parts[1] == cover(MODEL, table)
 
 
 def test_what_is_missing_or_does_not_count_is_said() -> None:

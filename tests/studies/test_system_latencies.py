@@ -51,7 +51,7 @@ def test_so_do_cases_in_which_a_newer_trajectory_is_on_its_way_when_control_begi
 
 def test_messages_with_latencies_are_judged_and_most_old_obstacle_lists_are_dropped() -> None:
     study = dataclasses.replace(system_study("guarded", seed=11), time_limit=2.0, watched_on=0.0)
-    assert judge_sampled(study, 3).passed
+    assert judge_sampled(study, 3).judgement.passed
     events = run_components(study, 3).trace.events
     dropped = [event for event in events if event.kind == "drop" and event.channel == "obstacles"]
     assert dropped and {event.text for event in dropped} == {"overrun"}

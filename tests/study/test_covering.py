@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +27,11 @@ class Made:
     """Results whose cases a test makes up."""
 
     def __init__(self, values: list[tuple[float, float]], starts: list[str]) -> None:
-        self._drawn = Drawn(INPUTS, np.array(values), {"start": (("a", "b"), np.array(starts))}, "start")
+        codes = np.array(["ab".index(one) for one in starts])
+        self._drawn = Drawn(INPUTS, np.array(values), {"start": (("a", "b"), codes)}, "start")
 
-    def drawn(self) -> Drawn:
-        return self._drawn
+    def drawn(self) -> Iterator[Drawn]:
+        yield self._drawn
 
 
 def test_folders_count_together_and_what_is_missing_is_named() -> None:

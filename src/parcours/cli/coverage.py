@@ -21,7 +21,7 @@ def command(folders: tuple[Path, ...], show: int, strength: int, html: Path | No
 
     It counts blocks of test data, alone, in pairs and t-wise; start vectors, alone and with these; verdicts, outcomes
     and bands of the least clearance that were seen; transitions of the model that were taken, and pairs of them;
-    formulas over data that were asked; requirements that were kept and violated, rules that decided a case.
+    data oracles that were asked; requirements that were kept and violated, rules that decided a case.
 
     Example: parcours coverage out/monday out/tuesday --html out/coverage.html
     """

@@ -1,11 +1,12 @@
 """Measures the coverage of a table of values: blocks hit, combinations of blocks held and missing.
 
 For combinations, a row counts only if each of its values lies in a valid block and it breaks no rule: what a test of
-invalid values meets besides says nothing about valid ones. Combinations that the rules forbid are not wanted.
+invalid values meets besides says nothing about valid ones. HeldCombinations that the rules forbid are not wanted.
 """
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,13 @@ class BlockCoverage:
     counts: tuple[tuple[int, ...], ...]
     outside: tuple[int, ...]
     n_rows: int
+
+    def __add__(self, other: BlockCoverage) -> BlockCoverage:
+        """Return that of two tables together; both are of the same model."""
+        pairs = zip(self.counts, other.counts, strict=True)
+        counts = tuple(tuple(a + b for a, b in zip(*both, strict=True)) for both in pairs)
+        outside = tuple(a + b for a, b in zip(self.outside, other.outside, strict=True))
+        return BlockCoverage(self.model, counts, outside, self.n_rows + other.n_rows)
 
     @property
     def n_blocks(self) -> int:
@@ -137,22 +145,69 @@ def measure(
     """
     if strength < 1:
         raise BadRequest("coverage of a table", f"the strength must be at least 1, but is {strength}", slug="strength")
-    blocks = model.blocks_of(table)
-    rules = rules_of(model)
-    goals = goals_of(model.sizes, strength, model.column_groups, rules)
-    counts = allowed(model, table)
-    missing = goals.missing(blocks[counts])
-    # Without listed rules the goals hold some combinations that no allowed row can hold: each is looked at here.
-    if not rules.are_listed:
-        missing = np.array([number for number in missing if _can_be_held(goals, int(number))], dtype=np.int64)
+    found = HeldCombinations(model, strength)
+    counts = found.add(table)
+    held, missing = found.held(most_shown=most_shown)
     # Rows are counted from 1 for people, as an editor counts the lines of a table.
     uncounted = np.flatnonzero(~counts)[:most_shown]
+    blocks = model.blocks_of(table[uncounted])
     return TupleCoverage(
-        strength, len(table), int(counts.sum()), goals.n_needed, goals.n_needed - len(missing),
-        goals.n_tuples - goals.n_needed,
-        tuple(model.in_words(goals.tuple_of(int(number))) for number in missing[:most_shown]),
-        tuple((int(row) + 1, _reason(model, table[row], blocks[row])) for row in uncounted),
+        strength, len(table), int(counts.sum()), found.n_wanted, held, found.n_forbidden, missing,
+        tuple((int(row) + 1, _reason(model, table[row], of)) for row, of in zip(uncounted, blocks, strict=True)),
     )  # fmt: skip
+
+
+class HeldCombinations:
+    """The combinations of blocks that tables hold together, of all rows and of groups of them, table after table.
+
+    Args:
+        model: whose blocks and rules are meant.
+        strength: how many inputs a combination has, at least 1.
+        n_groups: how many groups of rows are told apart.
+
+    Raises BadRequest, BadDomain: as `measure`.
+    """
+
+    def __init__(self, model: InputModel, strength: int, n_groups: int = 1) -> None:
+        self._model, self._rules = model, rules_of(model)
+        self._goals = goals_of(model.sizes, strength, model.column_groups, self._rules)
+        self._held = np.zeros((n_groups, self._goals.n_tuples), bool)
+        self._is_sure = self._rules.are_listed  # that what is wanted can be held
+
+    @property
+    def n_wanted(self) -> int:
+        """How many there are that an allowed row can hold, as far as was looked into: exact once `held` was called."""
+        return self._goals.n_needed
+
+    @property
+    def n_forbidden(self) -> int:
+        """How many there are that none can hold."""
+        return self._goals.n_tuples - self._goals.n_needed
+
+    def add(self, table: NDArray[np.float64], groups: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+        """Take note of rows and return which of them count, shape (n_rows,).
+
+        Args:
+            table: values as `measure` takes them.
+            groups: the group of each row, shape (n_rows,); all are of the first if not given.
+        """
+        counts = allowed(self._model, table)
+        blocks = self._model.blocks_of(table[counts])
+        of = np.zeros(len(blocks), np.int64) if groups is None else groups[counts]
+        for group in np.unique(of):
+            self._held[group] |= self._goals.held(blocks[of == group])
+        return counts
+
+    def held(self, group: int | None = None, most_shown: int = MOST_SHOWN) -> tuple[int, tuple[str, ...]]:
+        """Return how many of those wanted rows of a group hold, or any, and the first of the others in words."""
+        needed, seen = self._goals.layout.needed, self._held.any(axis=0)
+        if not self._is_sure:  # the goals hold some combinations that no allowed row can hold: each is looked at here
+            for number in np.flatnonzero(needed & ~seen):
+                _find_row(self._goals, int(number))
+            self._is_sure = True
+        missing = np.flatnonzero(needed & ~(seen if group is None else self._held[group]))
+        words = tuple(self._model.in_words(self._goals.tuple_of(int(number))) for number in missing[:most_shown])
+        return self.n_wanted - len(missing), words
 
 
 def allowed(model: InputModel, table: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -167,11 +222,10 @@ def allowed(model: InputModel, table: NDArray[np.float64]) -> NDArray[np.bool_]:
     return counts
 
 
-def _can_be_held(goals: Goals, number: int) -> bool:
-    try:
-        return goals.row_with(number) is not None
-    except UndecidedError:
-        return True
+def _find_row(goals: Goals, number: int) -> None:
+    """Look for a row that holds a combination: what none can hold is wanted no longer, what is not decided still is."""
+    with contextlib.suppress(UndecidedError):
+        goals.row_with(number)
 
 
 def _reason(model: InputModel, values: NDArray[np.float64], blocks: Rows) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import functools
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Protocol, runtime_checkable
@@ -10,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data import InputModel, cover, measure
+from parcours.data import HeldCombinations, InputModel, cover, measure
 from parcours.errors import BadRequest
 from parcours.report.pieces import Column, Page, Section, Table
 from parcours.study.protocol import Request, Results
@@ -21,12 +23,12 @@ Marks = Mapping[str, tuple[Sequence[str], NDArray[np.bool_]]]
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What the cases of results were made of and what became of them."""
+    """What some cases were made of and what became of them."""
 
     inputs: InputModel
     values: NDArray[np.float64]  # shape (n_cases, n_inputs)
-    # name -> its classes, and that of each case, shape (n_cases,): start vectors, outcomes, verdicts
-    classes: Mapping[str, tuple[Sequence[str], NDArray[np.str_]]]
+    # name -> its classes, and the place of each case's among them, shape (n_cases,): start vectors, outcomes, verdicts
+    classes: Mapping[str, tuple[Sequence[str], NDArray[np.int64]]]
     crossed: str = ""  # of these classes that of which each is to meet every block; none if empty
     # name -> what cases may meet, several at once, and whether cases met it, shape (n, n_words): transitions
     # that were taken, requirements that were violated, rules that held
@@ -37,12 +39,12 @@ class Drawn:
 class Covering(Protocol):
     """Results that know what their cases were made of."""
 
-    def drawn(self) -> Drawn:
-        """Return it."""
+    def drawn(self) -> Iterator[Drawn]:
+        """Yield it, some thousand cases after the other; once at least."""
 
 
 _WINDOW = 4096
-_TOGETHER = {1: "blocks", 2: "pairs"}
+_TOGETHER = {2: "pairs"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,56 +66,85 @@ def coverage(results: Mapping[str, Results], strength: int = 2) -> list[Coverage
 
     Raises BadRequest: some know nothing of their inputs, or they are of different inputs.
     """
-    found = {}
+    covered: _Covered | None = None
     for folder, one in results.items():
         if not isinstance(one, Covering):
             rule = "it is of campaigns, whose test data have blocks, but these results are of another kind"
             raise BadRequest(folder, rule, "see `parcours run` of component studies for theirs", slug="coverage-kind")
-        found[folder] = one.drawn()
-    first, *others = found.values()
-    if any(other.inputs != first.inputs or other.classes.keys() != first.classes.keys() for other in others):
-        rule = "folders must be of the same test inputs, but these are not"
-        raise BadRequest(" and ".join(found), rule, "ask of each by itself", slug="coverage-kind")
-    every = list(found.values())
-    values = np.concatenate([one.values for one in every])
-    sizes = range(1, min(strength, len(first.inputs.domains)) + 1)
-    goals = []
-    for t in sizes:
-        what = "each" if t == 1 else _TOGETHER.get(t, f"{t}-wise")
-        goals.append(CoverageGoal(f"blocks, {what}", *_held(first.inputs, values, t)))
-    for name, (words, _) in first.classes.items():
-        seen = np.concatenate([one.classes[name][1] for one in every])
-        absent = tuple(word for word in words if word not in set(seen.tolist()))
-        goals.append(CoverageGoal(f"{name}, each", len(words), len(words) - len(absent), absent))
-        for t in sizes if name == first.crossed else ():
-            parts = {word: _held(first.inputs, values[seen == word], t) for word in words}
-            missing = tuple(f"{word}: {one}" for word, part in parts.items() for one in part[2])
-            wanted, held = sum(part[0] for part in parts.values()), sum(part[1] for part in parts.values())
-            goals.append(CoverageGoal(f"{name} x {_TOGETHER.get(t, f'{t}-wise')}", wanted, held, missing))
-    return goals + _met(every)
+        for drawn in one.drawn():
+            if covered is None:
+                covered = _Covered(drawn, strength)
+            elif not covered.fits(drawn):
+                rule = "folders must be of the same test inputs, but these are not"
+                raise BadRequest(" and ".join(results), rule, "ask of each by itself", slug="coverage-kind")
+            covered.add(drawn)
+    return covered.goals() if covered is not None else []
 
 
-def _held(inputs: InputModel, values: NDArray[np.float64], t: int) -> tuple[int, int, tuple[str, ...]]:
-    """Return how many combinations of t blocks there are, how many values hold, and the first that they do not."""
-    if t == 1:
-        blocks = cover(inputs, values)
-        return blocks.n_blocks, blocks.n_hit, blocks.uncovered
-    found = measure(values, inputs, t)
-    return found.n_wanted, found.n_held, found.missing
+class _Covered:
+    """What cases cover, some thousand of them after the other.
 
+    Args:
+        first: some of them, which say what there is to cover; they are not looked at.
+        strength: how many blocks at most are looked for together.
+    """
 
-def _met(every: Sequence[Drawn]) -> list[CoverageGoal]:
-    """Return the goals of marks; folders may have different ones."""
-    met: dict[str, dict[str, bool]] = {}
-    for one in every:
-        for name, (words, by_case) in one.marks.items():
-            of = met.setdefault(name, {})
+    def __init__(self, first: Drawn, strength: int) -> None:
+        self._first, inputs = first, first.inputs
+        self._groups: Sequence[str] = first.classes[first.crossed][0] if first.crossed else ("",)
+        self._blocks = [cover(inputs, np.zeros((0, len(inputs.domains)))) for _ in self._groups]
+        sizes = range(2, min(strength, len(inputs.domains)) + 1)
+        self._together = {t: HeldCombinations(inputs, t, len(self._groups)) for t in sizes}
+        self._seen = {name: np.zeros(len(words), bool) for name, (words, _) in first.classes.items()}
+        self._met: dict[str, dict[str, bool]] = {}
+
+    def fits(self, drawn: Drawn) -> bool:
+        """Return whether cases are of the same inputs and classes."""
+        return drawn.inputs == self._first.inputs and {name: words for name, (words, _) in drawn.classes.items()} == {
+            name: words for name, (words, _) in self._first.classes.items()
+        }
+
+    def add(self, drawn: Drawn) -> None:
+        """Take note of cases."""
+        of = drawn.classes[drawn.crossed][1] if drawn.crossed else np.zeros(len(drawn.values), np.int64)
+        for group in np.unique(of):
+            self._blocks[group] += cover(drawn.inputs, drawn.values[of == group])
+        for together in self._together.values():
+            together.add(drawn.values, of)
+        for name, (_, codes) in drawn.classes.items():
+            self._seen[name][codes] = True
+        for name, (words, by_case) in drawn.marks.items():  # folders may have different ones
+            met = self._met.setdefault(name, {})
             for k, word in enumerate(words):
-                of[word] = of.get(word, False) or bool(by_case[:, k].any())
-    return [
-        CoverageGoal(name, len(of), sum(of.values()), tuple(word for word, is_met in of.items() if not is_met))
-        for name, of in met.items()
-    ]
+                met[word] = met.get(word, False) or bool(by_case[:, k].any())
+
+    def goals(self) -> list[CoverageGoal]:
+        """Return what is covered."""
+        whole = functools.reduce(operator.add, self._blocks)
+        goals = [CoverageGoal("blocks, each", whole.n_blocks, whole.n_hit, whole.uncovered)]
+        for t, found in self._together.items():
+            held, missing = found.held()
+            goals.append(CoverageGoal(f"blocks, {_TOGETHER.get(t, f'{t}-wise')}", found.n_wanted, held, missing))
+        for name, (words, _) in self._first.classes.items():
+            goals.append(_of_words(f"{name}, each", dict(zip(words, self._seen[name].tolist(), strict=True))))
+            if name == self._first.crossed:
+                goals += self._crossed(name)
+        return goals + [_of_words(name, met) for name, met in self._met.items()]
+
+    def _crossed(self, name: str) -> Iterator[CoverageGoal]:
+        """Yield which blocks each class has met."""
+        words, every = self._groups, self._blocks
+        missing = tuple(f"{word}: {one}" for word, of in zip(words, every, strict=True) for one in of.uncovered)
+        yield CoverageGoal(f"{name} x blocks", sum(of.n_blocks for of in every), sum(of.n_hit for of in every), missing)
+        for t, found in self._together.items():
+            parts = [found.held(group) for group in range(len(words))]
+            missing = tuple(f"{word}: {one}" for word, part in zip(words, parts, strict=True) for one in part[1])
+            wanted, held = found.n_wanted * len(words), sum(part[0] for part in parts)
+            yield CoverageGoal(f"{name} x {_TOGETHER.get(t, f'{t}-wise')}", wanted, held, missing)
+
+
+def _of_words(name: str, met: Mapping[str, bool]) -> CoverageGoal:
+    return CoverageGoal(name, len(met), sum(met.values()), tuple(word for word, is_met in met.items() if not is_met))
 
 
 def coverage_page(goals: Sequence[CoverageGoal], folders: Sequence[str]) -> Page:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
@@ -176,22 +177,29 @@ class PlannerResults:
         found |= field_columns(facts, UNITS | {one.name: one.unit for one in METRICS}, tuple(SHOWN))
         return found | input_columns(cases.inputs, lambda: cases.values(numbers), {*found, *SHOWN, *RATES, "failed"})
 
-    def drawn(self) -> Drawn:
-        """Return what the cases were made of: test inputs, start vectors; and their outcomes."""
-        cases, numbers = self.found.cases, self.found.facts["number"]
-        of = np.array([".".join(map(str, cases.vector(int(number)))) for number in numbers], str)
+    def drawn(self) -> Iterator[Drawn]:
+        """Yield what the cases were made of: test inputs, start vectors; and their outcomes."""
+        for facts in self.found.parts(self._covering().__contains__):
+            yield self._drawn(facts)
+
+    def _covering(self) -> set[str]:
+        """Return the fields of facts that say what a case has covered."""
+        return judged_fields(self.found.requirements) | {"min_clearance"}
+
+    def _drawn(self, facts: NDArray[np.void]) -> Drawn:
+        cases, numbers, asked = self.found.cases, facts["number"], self.found.requirements
         starts = start_vectors(cases)
-        words, facts = [one.name.lower() for one in Outcome], self.found.facts
-        bands = np.array(_BANDS)[np.digitize(facts["min_clearance"], _EDGES)]
-        classes = {
-            "outcomes": (words, np.array(words)[outcomes(facts)]),
-            "least clearance": (_BANDS, bands),
+        classes: dict[str, tuple[Sequence[str], NDArray[np.int64]]] = {
+            "outcomes": ([one.name.lower() for one in Outcome], outcomes(facts)),
+            "least clearance": (_BANDS, np.digitize(facts["min_clearance"], _EDGES)),
         }
-        marks = {"requirements": asked_of(facts, self.found.requirements)} if self.found.requirements else {}
-        if starts != ("",):
+        is_told_apart = starts != ("",)
+        if is_told_apart:
+            places = {start: place for place, start in enumerate(starts)}
+            of = np.array([places[".".join(map(str, cases.vector(int(one))))] for one in numbers], np.int64)
             classes = {"start vectors": (starts, of), **classes}
-            return Drawn(cases.inputs, cases.values(numbers), classes, "start vectors", marks)
-        return Drawn(cases.inputs, cases.values(numbers), classes, marks=marks)
+        marks = {"requirements": asked_of(facts, asked)} if asked else {}
+        return Drawn(cases.inputs, cases.values(numbers), classes, "start vectors" if is_told_apart else "", marks)
 
     def replays(self, most: int) -> list[Animation]:
         """Return replays of the worst cases of the commonest causes of failures, those that can be run again."""

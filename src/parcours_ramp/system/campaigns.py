@@ -40,9 +40,9 @@ class SystemResults:
         """Facts of its finished cases, array of FACTS, shape (n,)."""
         return self.kept.whole
 
-    def parts(self, wanted: Wanted = lambda name: True) -> Iterator[NDArray[np.void]]:
-        """Yield the wanted fields of the facts part by part, without the counts of transitions, a third of them."""
-        return self.kept.parts(lambda name: name != "transitions" and wanted(name))
+    def parts(self, wanted: Wanted = lambda name: name != "transitions") -> Iterator[NDArray[np.void]]:
+        """Yield the wanted fields of the facts part by part; without any said, all but a third, that of transitions."""
+        return self.kept.parts(wanted)
 
     def holding(self, facts: NDArray[np.void]) -> SystemResults:
         """Return it with facts of some of its cases."""

@@ -182,7 +182,7 @@ class RampSystem:
         from parcours_ramp.system.sampling import judge_sampled
 
         study, command = self._of(case, settings)
-        judgement = judge_sampled(study, case.number)
+        judgement = judge_sampled(study, case.number).judgement
         return Judged(case, judgement.verdict, judgement.why, (), f"{command} --case {case.id} --judged 1")
 
     def _of(self, case: Case, settings: Settings) -> tuple[SystemStudy, str]:

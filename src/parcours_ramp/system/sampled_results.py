@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
@@ -16,6 +17,7 @@ from parcours.report.pieces import Column, Table
 from parcours.study.comparing import Counted, Outline
 from parcours.study.covering import Drawn, Marks
 from parcours.study.protocol import Reported
+from parcours.verdict.contracts import contracts_of, judged
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.study.campaigns import FinishedCampaign
 from parcours_navigation.study.results import PlannerResults
@@ -25,7 +27,7 @@ FILE = "sampled.json"
 
 
 def read_sampled(folder: Path) -> dict[str, dict[str, str]]:
-    """Return verdict, reason and pairs of transitions of each sampled case by its number; empty if none was.
+    """Return the verdict of each sampled case by its number, why, and what it met; empty if none was run.
 
     Raises BadResults: they cannot be read.
     """
@@ -35,7 +37,12 @@ def read_sampled(folder: Path) -> dict[str, dict[str, str]]:
     try:
         document = json.loads(path.read_bytes())
         return {
-            str(int(k)): {"verdict": str(Verdict(v["verdict"])), "why": str(v["why"]), "pairs": str(v.get("pairs", ""))}
+            str(int(k)): {
+                "verdict": str(Verdict(v["verdict"])),
+                "why": str(v["why"]),
+                "pairs": str(v.get("pairs", "")),
+                "judged": f"{int(v.get('judged', '0'), 16):x}",
+            }
             for k, v in document.items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -58,17 +65,21 @@ class SampledCampaign(PlannerResults):
         ]
         return [*super().cases(), *again]
 
-    def drawn(self) -> Drawn:
-        """Return what the cases were made of, and what they met of the component model."""
-        plain, taken = super().drawn(), self.found.facts["transitions"] > 0
-        marks = {**plain.marks, "transitions taken": (TRANSITIONS, taken)}
-        if self._sampled:
-            judged = taken[np.isin(self.found.facts["number"], [int(number) for number in self._sampled])]
-            marks |= self._judged(set(np.array(TRANSITIONS)[judged.any(axis=0)].tolist()))
-        return replace(plain, marks=marks)
+    def drawn(self) -> Iterator[Drawn]:
+        """Yield what the cases were made of, and what they met of the component model; the sampled ones with some."""
+        sampled = self._judged() if self._sampled else {}
+        for one in super().drawn():
+            yield replace(one, marks={**one.marks, **sampled})
 
-    def _judged(self, taken: set[str]) -> Marks:
-        """Return what the sampled cases met, in which these transitions were taken."""
+    def _covering(self) -> set[str]:
+        return super()._covering() | {"transitions"}
+
+    def _drawn(self, facts: NDArray[np.void]) -> Drawn:
+        plain, taken = super()._drawn(facts), facts["transitions"] > 0
+        return replace(plain, marks={**plain.marks, "transitions taken": (TRANSITIONS, taken)})
+
+    def _judged(self) -> Marks:
+        """Return what the sampled cases met."""
         from parcours_ramp.components.model import component_model
 
         model = component_model(self.label)
@@ -76,14 +87,11 @@ class SampledCampaign(PlannerResults):
         pairs = [f"{a.id} {b.id}" for one in machines for a in one.transitions for b in one.transitions
                  if a.target == b.source]  # fmt: skip
         met = np.array([np.isin(pairs, one["pairs"].split(", ")) for one in self._sampled.values()])
-        # A formula of a transition is asked when that is taken, one of a channel of every message on it.
-        moves = [one for machine in machines for one in machine.transitions]
-        sent = {send.channel for one in moves if one.id in taken for send in one.sends}
-        oracles = {f"{one.id}: {of.name}": one.id in taken for one in moves for of in one.ensures}
-        oracles |= {f"{one.name}: {of.name}": one.name in sent for one in model.channels for of in one.ensures}
+        checks = contracts_of(model).checks
+        made = np.array([list(judged(checks, [one["judged"]]).values()) for one in self._sampled.values()])
         return {
             "pairs of transitions taken, judged cases": (pairs, met),
-            "data oracles asked, judged cases": (list(oracles), np.array([list(oracles.values())])),
+            "data oracles asked, judged cases": (checks, made),
         }
 
     def outline(self) -> Outline:

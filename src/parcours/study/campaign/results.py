@@ -131,14 +131,18 @@ class CampaignResults:
         drawn = functools.partial(study.drawn, facts["number"], self.seed)
         return found | input_columns(study.inputs, drawn, found)
 
-    def drawn(self) -> Drawn:
-        """Return what the cases were made of, and their verdicts."""
-        seen = np.array(VERDICTS, str)[self.rulings.codes]
-        values = self.study.drawn(self.facts["number"], self.seed)
+    def drawn(self) -> Iterator[Drawn]:
+        """Yield what the cases were made of, and their verdicts."""
         words = [rule.why or rule.when for rule in (*self.study.inconclusive, *self.study.fail)]
-        held = [self.rulings.places == self.rulings.reasons.index(word) for word in words]
-        rules = {"rules that decided a case": (words, np.array(held, bool).T)} if words else {}
-        return Drawn(self.study.inputs, values, {"verdicts": ([str(one) for one in Verdict], seen)}, marks=rules)
+        verdicts, read = [str(one) for one in VERDICTS], read_by(self.study)
+        for facts in self._kept.parts(read.__contains__):
+            rulings = judge(self.study, facts, self.settings, self.seed)
+            held = [rulings.places == rulings.reasons.index(word) for word in words]
+            rules = {"rules that decided a case": (words, np.array(held, bool).T)} if words else {}
+            values = self.study.drawn(facts["number"], self.seed)
+            yield Drawn(
+                self.study.inputs, values, {"verdicts": (verdicts, rulings.codes.astype(np.int64))}, marks=rules
+            )
 
     def replay(self, case: str) -> Page:
         """Return a page on one case, simulated again: it must give the facts that were kept."""

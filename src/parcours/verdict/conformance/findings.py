@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from parcours.run.trace import TraceEvent
+from parcours.verdict.contracts import Tally
 from parcours.verdict.judgement import Judgement
 
 _SHOWN = 12
@@ -71,12 +72,14 @@ class Conformance:
         deviation: the first one, or None.
         n_events: events looked at; those after a deviation are not.
         n_outside: of these, how many the model has no name for.
+        tally: what was judged of data, and what could not be.
     """
 
     judgement: Judgement
     deviation: TraceDeviation | None
     n_events: int
-    n_outside: int = 0
+    n_outside: int
+    tally: Tally
 
     @property
     def expected(self) -> tuple[Expectation, ...]:

@@ -55,8 +55,10 @@ def check(
     deviation = checker.finish(last if until is None else until)
     if deviation is not None:
         verdict = Verdict.INCONCLUSIVE if deviation.doubt else Verdict.FAIL
-        return Conformance(Judgement(verdict, str(deviation)), deviation, number, checker.n_outside)
-    return Conformance(_without_deviation(trace, checker, observes), None, number, checker.n_outside)
+        judgement = Judgement(verdict, str(deviation))
+    else:
+        judgement = _without_deviation(trace, checker, observes)
+    return Conformance(judgement, deviation, number, checker.n_outside, checker.tally)
 
 
 def _hint(checker: Checker) -> str:
