@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ from parcours.run.store import Campaign, Rows, open_results
 
 CAMPAIGN = Campaign("toy", "plain", 1, 95, np.dtype([("number", "i8"), ("hit", "?")]), shard_size=10)
 RULES = ("ten hits",)
+PARKING = str(Path(__file__).parents[2] / "examples" / "parking")
 
 
 class Slowly:
@@ -102,6 +106,35 @@ def test_when_time_is_over_the_first_shards_are_the_results_and_the_same_command
     assert outcome.finished == 20 and not outcome.interrupted and "0.5 s are over" in str(outcome)
     assert len(open_results(tmp_path).load()) == 20
     assert run_campaign(Slowly(), CAMPAIGN, tmp_path).finished == 95
+
+
+# Every look at the time of day is a day later or earlier than the last one, in whatever process of Python.
+JUMPS = """
+import itertools, os, pathlib, time
+day, real = itertools.cycle((86_400, 0, -86_400)), time.time
+def jumping():
+    pathlib.Path(__file__).with_name(f"looked-{os.getpid()}").touch()
+    return real() + next(day)
+time.time = jumping
+"""
+
+
+def test_a_clock_that_jumps_by_days_changes_no_byte_and_ends_nothing_too_soon(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(JUMPS)
+    begins = "import time, sys; time.time(); from parcours.cli import main; main()"
+    arguments = [PARKING, "--cases", "600", "--workers", "2"]
+    folders = []
+    for jumps, limit in ((True, ["--max-time", "300"]), (False, [])):
+        folders.append(tmp_path / f"jumps-{jumps}")
+        ran = subprocess.run(
+            [sys.executable, "-c", begins, "run", *arguments, *limit, "--out", str(folders[-1])],
+            env={**os.environ, "PYTHONPATH": str(tmp_path) if jumps else ""}, capture_output=True, text=True,
+            check=False,
+        )  # fmt: skip
+        assert ran.returncode == 1 and "all 600 cases are finished" in ran.stdout, ran.stdout + ran.stderr
+    assert list(tmp_path.glob("looked-*"))
+    jumped, plain = ({path.name: path.read_bytes() for path in one.glob("shard-*")} for one in folders)
+    assert jumped == plain and plain
 
 
 @pytest.mark.parametrize("change", [{"cases": 25}, {"cases": 0}, {"cases": True}, {"first": -1}, {"campaign": "x"},
