@@ -26,8 +26,8 @@ def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
     console = None
     if sys.stderr.isatty() or os.environ.get("FORCE_COLOR"):
         from rich.console import Console
-        from rich.markup import escape
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+        from rich.table import Column
 
         console = Console(stderr=True)
     if console is None or not console.is_terminal:
@@ -37,16 +37,28 @@ def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
         finally:
             lines.end()
         return
-    bars: dict[str, TaskID] = {}
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as display:
+    bars: dict[str, Callable[[int, str], None]] = {}
+    rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+    columns = (
+        TextColumn("{task.description}", markup=False), BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.fields[said]}", markup=False, table_column=rest),
+    )  # fmt: skip
+    with Progress(*columns, console=console, expand=True) as display:
+
+        def bar(what: str, done: int, total: int) -> Callable[[int, str], None]:
+            began, task = clock(), display.add_task(what, total=total, said="")
+
+            def update(now: int, so_far: str) -> None:
+                pace = ", ".join(_pace(now, total, clock() - began, done))
+                display.update(task, completed=now, said="; ".join(filter(None, (pace, so_far))))
+
+            return update
 
         def report(what: str, done: int, total: int) -> None:
             what, _, so_far = what.partition("\n")
             if what not in bars:
-                bars[what] = display.add_task(what, total=total)
-            shown = f"{what} ({so_far})" if so_far else what
-            display.update(bars[what], completed=done, description=escape(shown))
+                bars[what] = bar(what, done, total)
+            bars[what](done, so_far)
 
         yield report
 
@@ -100,7 +112,7 @@ def progress_line(what: str, done: int, total: int, seconds: float, before: int 
     """Return how far a work is, how long it took, and about how long it will take on.
 
     >>> progress_line("lift, simulated", 3200, 10_000, 41.0)
-    'lift, simulated: 3200 of 10000, 32 %, 41 s, about 87 s left'
+    'lift, simulated: 3200 of 10000, 32 %, 41 s, 78 a second, about 87 s left'
     >>> progress_line("states", 300, 200, 4000.0), progress_line("checks", 0, 9, 0.0)
     ('states: 300 of 200, 67 min', 'checks: 0 of 9')
     """
@@ -109,9 +121,16 @@ def progress_line(what: str, done: int, total: int, seconds: float, before: int 
         said.append(f"{100 * done // total} %")
     if seconds >= 0.5:
         said.append(_spoken(seconds))
-    if before < done < total and seconds >= 0.5:
-        said.append(f"about {_spoken(seconds * (total - done) / (done - before))} left")
-    return ", ".join(said)
+    return ", ".join(said + _pace(done, total, seconds, before))
+
+
+def _pace(done: int, total: int, seconds: float, before: int) -> list[str]:
+    """Return in words how fast a work goes on and about how long it will take; nothing before half a second."""
+    if not (before < done <= total and seconds >= 0.5):
+        return []
+    rate = (done - before) / seconds
+    left = [f"about {_spoken((total - done) / rate)} left"] if done < total else []
+    return [f"{rate:.0f} a second" if rate >= 10.0 else f"{rate:.2g} a second", *left]
 
 
 def _spoken(seconds: float) -> str:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.store import Rows
-from parcours.verdict.sequential import CONCENTRATION, rate_at_any_time
+from parcours.verdict.sequential import bounds_at_any_time, rate_at_any_time
 from parcours.verdict.statistics import Rate
 
 Rates = Callable[[Rows], Mapping[str, NDArray[np.float64]]]
@@ -126,7 +126,7 @@ class Watch:
                 wrong = f"it asks for {rule.measure!r}, which is no rate of these cases"
                 raise BadRequest("--until", wrong, one_of(rule.measure, list(known)), slug="until-rate")
         self._rules, self._rates = rules, rates
-        self._counts = dict.fromkeys([rule.measure for rule in rules] or ["failed"], (0, 0))
+        self._counts = dict.fromkeys([rule.measure for rule in rules] or ["failed", *known], (0, 0))
 
     def __call__(self, rows: Rows) -> str:
         """Count the cases of the next shard; return why that is enough, empty if it is not."""
@@ -141,12 +141,17 @@ class Watch:
 
     @property
     def so_far(self) -> str:
-        """What is known of the rates, in words; empty before the first case."""
-        rules = {rule.measure: rule for rule in self._rules}
-        return ", ".join(
-            _said(name, rules[name].rate(count, n) if rules else rate_at_any_time(count, n, 0.95, CONCENTRATION))
-            for name, (count, n) in self._counts.items() if n
-        )  # fmt: skip
+        """What is known of the rates, in words, without rules of those that are not 0; empty before the first case."""
+        if self._rules:
+            found = ((rule.measure, self._counts[rule.measure], rule) for rule in self._rules)
+            return ", ".join(_said(name, rule.rate(count, n)) for name, (count, n), rule in found if n)
+        seen = {name: one for name, one in self._counts.items() if one[1] and (one[0] or name == "failed")}
+        counts, sizes = np.array(list(seen.values()), float).reshape(-1, 2).T
+        ends = zip(*bounds_at_any_time(counts, sizes), strict=True)
+        rates = (
+            Rate(*one, float(low), float(high), 0.95) for one, (low, high) in zip(seen.values(), ends, strict=True)
+        )
+        return ", ".join(map(_said, seen, rates))
 
 
 def _said(name: str, rate: Rate) -> str:
