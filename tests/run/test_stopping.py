@@ -106,6 +106,8 @@ def test_when_time_is_over_the_first_shards_are_the_results_and_the_same_command
     assert outcome.finished == 20 and not outcome.interrupted and "0.5 s are over" in str(outcome)
     assert len(open_results(tmp_path).load()) == 20
     assert run_campaign(Slowly(), CAMPAIGN, tmp_path).finished == 95
+    nothing = run_campaign(lambda first, count: sleepy(first + 20, count), CAMPAIGN, tmp_path / "none", max_time=0.2)
+    assert nothing.interrupted and "0.2 s are over before the first 10 cases were finished" in str(nothing)
 
 
 # Every look at the time of day is a day later or earlier than the last one, in whatever process of Python.

@@ -72,6 +72,8 @@ class CampaignOutcome:
             found = f"{len(self.repaired)} damaged shards were removed, to be computed again: {names}"
             return f"{replace(self, repaired=())}\n{found}{', ...' if len(self.repaired) > 5 else ''}"
         total = self.store.campaign.n_cases
+        if self.stopped and self.interrupted:
+            return f"nothing to judge in {self.store.folder}: {self.stopped}"
         if self.stopped:
             return f"stopped after {self.finished} cases, kept in {self.store.folder}: {self.stopped}"
         if not self.interrupted:
@@ -167,12 +169,18 @@ def _run(
                     break
     except KeyboardInterrupt as error:
         left = store.missing()
-        if isinstance(error, _TimeIsOver) and left and left[0]:
+        there = campaign.n_cases - sum(len(campaign.cases(k)) for k in left)
+        if isinstance(error, _TimeIsOver) and left:
+            if not left[0]:
+                first = f"{max_time:g} s are over before the first {len(campaign.cases(0))} cases were finished"
+                return CampaignOutcome(
+                    store, there, interrupted=True, stopped=f"{first}; give more time, or fewer cases"
+                )
             stop = replace(order.stop, cases=campaign.cases(left[0] - 1).stop)
             stop.write(folder, campaign)
             why = f"{max_time:g} s are over, the same command goes on with what is missing of {campaign.n_cases}"
             return CampaignOutcome(store, store.planned, interrupted=False, stopped=why)
-        return CampaignOutcome(store, campaign.n_cases - sum(len(campaign.cases(k)) for k in left), interrupted=True)
+        return CampaignOutcome(store, there, interrupted=True)
     finally:
         sweep(folder)  # of what a stopped worker left half-written
     if order.is_enough():
