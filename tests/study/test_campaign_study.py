@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import dataclasses
 import hashlib
 import json
@@ -234,6 +235,13 @@ class TestStrangers:
             run(study, tmp_path / "out")
         assert caught.value.slug == slug
         assert (tmp_path / "out" / "run.json").exists(), "a folder says what it holds, however its run ended"
+
+    def test_what_others_registered_for_pickling_exceptions_changes_no_complaint(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(copyreg.dispatch_table, BadRequest, lambda error: (str, (str(error),)))  # as Dask does
+        with pytest.raises(BadRequest, match="target-raised"):
+            run(loaded(tmp_path, "import nothing_like_this\ndef simulate(x): return x"), tmp_path / "out")
 
 
 class TestCases:

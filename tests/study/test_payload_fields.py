@@ -14,7 +14,7 @@ from parcours.model.model_file import parse_model
 from parcours.model.structure import Cefsm, Field
 from parcours.run.hosts.node_program import Codec
 from parcours.study.components.messages import ModelMessages
-from parcours.study.hosting import HostName, started
+from parcours.study.hosting import started
 from parcours.study.parameters import settings_of
 from parcours.study.payload_fields import require_carried, uncarried
 from parcours.study.protocol import Request
@@ -113,7 +113,7 @@ def test_what_a_hosts_form_leaves_out_of_a_message_is_a_finding_on_that_host_alo
 
 
 @pytest.mark.parametrize("host", ["processes", "ros1"])
-def test_no_host_starts_with_messages_that_are_not_what_the_model_says(host: HostName) -> None:
+def test_no_host_starts_with_messages_that_are_not_what_the_model_says(host: str) -> None:
     nodes = replace(component_study().nodes(), model=changed("MotionState", "v", Field("v", "real", shape=(3,))))
     with (
         pytest.raises(HostFailure, match=r"on 'update' it.v must be a list of 3, but is 0.2") as caught,

@@ -19,6 +19,8 @@ _FRESH = (
 )  # fmt: skip
 """What runs leave in their folders."""
 
+_BLAS_THREADS = "OPENBLAS_NUM_THREADS"
+
 _COMMON = (
     count("--cases", "n_cases", most=1_000_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
@@ -73,6 +75,7 @@ class _Studies(click.Group):
         return [one.name for one in _registered()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        _load_numpy()
         from parcours.study.finding import find
 
         return study_command(find(cmd_name), cmd_name)
@@ -85,6 +88,17 @@ class _Studies(click.Group):
                 ("file.py:NAME", "a study object in a file of yours"),
                 ("module:NAME", "the same in a module"),
             ])  # fmt: skip
+
+
+def _load_numpy() -> None:
+    """Load NumPy without threads for its linear algebra, which would spin beside the work for a tenth of a second."""
+    if _BLAS_THREADS in os.environ:
+        return
+    os.environ[_BLAS_THREADS] = "1"
+    try:
+        import numpy  # noqa: F401
+    finally:
+        del os.environ[_BLAS_THREADS]  # programs that are started have their own to say
 
 
 def _registered() -> list[Any]:
@@ -138,10 +152,10 @@ def _run(
     from parcours.cli.verdicts import conclude, tell
     from parcours.errors import BadRequest
     from parcours.run.campaign import terminable
+    from parcours.run.hosts import isolate
     from parcours.study import Request
     from parcours.study.finding import require_results
     from parcours.study.gate import Naming, parse_condition, require_measures
-    from parcours.study.hosting import isolate
     from parcours.study.journal import discard
     from parcours.study.selection import ids_of
     from parcours.study.stopping import pairs_wanted, parse_rule

@@ -37,7 +37,10 @@ Progress = Callable[[int, int], None]
 """Called with (cases finished, cases in all) at the start and after every shard."""
 
 Enough = Callable[[Rows], str]
-"""Gets the rows of every shard, in the order of shards; returns why these are enough, "" if they are not."""
+"""Gets the rows of every shard, in the order of shards; returns why these are enough, "" if they are not.
+
+If it has `fields`, the rows have these alone.
+"""
 
 
 @runtime_checkable
@@ -220,7 +223,7 @@ class _InOrder:
         shards = self._store.campaign.shards
         while self._enough and not self.why and self.next < len(shards) and self._store.has(self.next):
             try:
-                rows = self._store.read(self.next)
+                rows = self._store.read(self.next, getattr(self._enough, "fields", ()))
             except BadResults:  # strangers' code has changed it: it is put back in the end
                 break
             self.next += 1
@@ -275,6 +278,8 @@ def _done(
             yield shard
         return
     forks = isinstance(runs, Prepares) and runs.prepare() and not is_bucket(task.store.folder)  # nor are its clients
+    if forks:
+        import pyarrow.parquet  # noqa: F401 - else each worker loads it, for its first shard
     yield from run_tasks(task, missing, min(workers, len(missing)), name, forks=forks)
 
 

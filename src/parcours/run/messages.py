@@ -16,7 +16,11 @@ _MOST = 1 << 32  # no message of ours is longer [bytes]
 
 def packed(message: tuple[str, object]) -> bytes:
     """Return a message as it goes through the line. Raises what pickle does if it cannot."""
-    content = pickle.dumps(message, protocol=4)
+    out = io.BytesIO()
+    pickler = pickle.Pickler(out, protocol=4)
+    pickler.dispatch_table = {}  # what others have registered for exceptions, as Dask does, the reader would not call
+    pickler.dump(message)
+    content = out.getvalue()
     return _MARK + _LENGTH.pack(len(content)) + content
 
 

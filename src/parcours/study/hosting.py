@@ -5,17 +5,14 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 from parcours.errors import require_known
 from parcours.model.structure import Cefsm
+from parcours.run.hosts import HOSTS
 from parcours.run.hosts.node_program import Codec, Transport, nodes_of
 from parcours.run.port import Link
 from parcours.study.payload_fields import Shown, Specimens, require_carried
 from parcours.verdict.contracts import plain
-
-HostName = Literal["simulated", "processes", "ros1", "ros2"]
-HOSTS: tuple[HostName, ...] = get_args(HostName)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +64,6 @@ def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
             yield hosted
         finally:
             hosted.transport.close()
-
-
-def isolate(host: str, graph: str) -> None:
-    """Move this process into a network of its own, if it is to run a ROS graph of its own; before it has threads."""
-    if host in ("ros1", "ros2") and not graph:
-        from parcours.run.hosts.isolation import enter_own_network
-
-        enter_own_network()
 
 
 def _start(nodes: Nodes, host: str, graph: str) -> Hosted:

@@ -13,7 +13,7 @@ campaign and the rules, never on the number of workers.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +24,15 @@ from parcours.run.store import Rows
 from parcours.verdict.sequential import bounds_at_any_time, rate_at_any_time
 from parcours.verdict.statistics import Rate
 
-Rates = Callable[[Rows], Mapping[str, NDArray[np.float64]]]
-"""Facts of cases -> what each of them counts for every rate, by name: 0 or 1, NaN where it is not known."""
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """What cases count for the rates that rules may ask for."""
+
+    # facts of cases -> what each of them counts for every rate, by name: 0 or 1, NaN where it is not known
+    of: Callable[[Rows], Mapping[str, NDArray[np.float64]]]
+    reads: Collection[str]  # the fields of the facts that it looks at
+
 
 MOST_CASES = 1_000_000
 """Most cases of a campaign that ends by a rule, by default."""
@@ -115,22 +122,28 @@ def parse_rule(text: str) -> StoppingRule:
 class Watch:
     """Counts the rates of a campaign, shard by shard in their order, and says when its rules are met."""
 
-    def __init__(self, rules: Sequence[StoppingRule], rates: Rates, no_rows: Rows) -> None:
+    def __init__(self, rules: Sequence[StoppingRule], rates: Rates, no_rows: Rows, fields: Sequence[str] = ()) -> None:
         """Count nothing yet.
+
+        Args:
+            rules: that end the campaign; without any, all rates are counted.
+            rates: what cases count.
+            no_rows: facts of no case.
+            fields: those of facts that it must be given; all if empty.
 
         Raises BadRequest: a rule asks for a rate that the cases do not have.
         """
-        known = rates(no_rows)
+        known = rates.of(no_rows)
         for rule in rules:
             if rule.measure not in known:
                 wrong = f"it asks for {rule.measure!r}, which is no rate of these cases"
                 raise BadRequest("--until", wrong, one_of(rule.measure, list(known)), slug="until-rate")
-        self._rules, self._rates = rules, rates
+        self._rules, self._rates, self.fields = rules, rates, fields
         self._counts = dict.fromkeys([rule.measure for rule in rules] or ["failed", *known], (0, 0))
 
     def __call__(self, rows: Rows) -> str:
         """Count the cases of the next shard; return why that is enough, empty if it is not."""
-        rates = self._rates(rows)
+        rates = self._rates.of(rows)
         for name, (count, n) in self._counts.items():
             values = rates[name][~np.isnan(rates[name])]
             self._counts[name] = count + int(values.sum()), n + len(values)

@@ -8,11 +8,14 @@ from parcours.errors import BadRequest
 from parcours.study.covering import closing
 from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Request
+from parcours.study.stopping import Rates
 from parcours_navigation.cases.family import PROTOCOLS, PUBLISHED_CASES, SystemCases
 from parcours_navigation.cases.running import Family
 from parcours_navigation.facts import UNITS
 from parcours_navigation.guests.staging import Cases
 from parcours_navigation.measures.table import METRICS
+from parcours_navigation.requirements.judging import judged_fields, rates
+from parcours_navigation.requirements.requirement import Requirements
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import find_world
 from parcours_navigation.worlds.paper import paper_cases
@@ -70,6 +73,11 @@ def _require_unset(settings: Settings, parameters: Sequence[Parameter], rule: st
     for one in parameters:
         if settings.get(one.name, one.default) != one.default:
             raise BadRequest(one.option, rule, remedy, slug="setting-idle")
+
+
+def watched(requirements: Requirements) -> Rates:
+    """Return what system cases count for the rates that rules may ask for."""
+    return Rates(lambda facts: rates(facts, requirements), judged_fields(requirements))
 
 
 def start_vectors(cases: Family) -> tuple[str, ...]:

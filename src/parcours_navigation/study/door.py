@@ -18,7 +18,6 @@ from parcours_navigation.cases.family import LONGEST, PUBLISHED_CASES
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.guests.planners import names, own_loop
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.remarks import remarks
 from parcours_navigation.requirements.requirement import Requirements, read_requirements
 from parcours_navigation.study.case_parameters import (
@@ -30,6 +29,7 @@ from parcours_navigation.study.case_parameters import (
     WORLDS,
     asked_for,
     question_of,
+    watched,
     world_cases,
 )
 from parcours_navigation.study.judging import judge_system
@@ -121,7 +121,7 @@ class Navigation:
         return run_numbered(
             self.name, self.where, study, request.n_cases or self.n_cases, chosen, question_of(self, request),
             int(request.settings["workers"]), request, progress, str(request.settings["planner"]),
-            lambda facts: rates(facts, study.requirements), KEPT_UNITS,
+            watched(study.requirements), KEPT_UNITS,
         )  # fmt: skip
 
     def read(self, folder: Path) -> Results:

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest
+from parcours.run.hosts import HOSTS
 from parcours.study import protocol
 from parcours.study.campaign.running import run_numbered
-from parcours.study.hosting import HOSTS
 from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Results, Run, StudyFinding
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
-from parcours_navigation.requirements.judging import rates
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.case_parameters import (
     CASES,
@@ -26,6 +25,7 @@ from parcours_navigation.study.case_parameters import (
     asked_for,
     cases_of,
     question_of,
+    watched,
 )
 from parcours_navigation.study.results import measure_names
 from parcours_ramp.planner import DECIDING
@@ -139,7 +139,7 @@ class RampSystem:
         n_cases, chosen = request.n_cases or PUBLISHED_CASES, asked_for(study.cases, request)
         run = run_numbered(
             self.name, self.where, study, n_cases, chosen, question, int(settings["workers"]), request, progress,
-            str(settings["schedule"]), lambda facts: rates(facts, study.requirements), KEPT_UNITS,
+            str(settings["schedule"]), watched(study.requirements), KEPT_UNITS,
         )  # fmt: skip
         if (every := int(settings["judged"])) and not run.interrupted:
             from parcours_ramp.system.sampling import sample

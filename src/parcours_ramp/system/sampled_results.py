@@ -17,7 +17,6 @@ from parcours.report.pieces import Column, Table
 from parcours.study.comparing import Counted, Outline
 from parcours.study.covering import Drawn, Marks
 from parcours.study.protocol import Reported
-from parcours.verdict.contracts import contracts_of, judged
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.study.campaigns import FinishedCampaign
 from parcours_navigation.study.results import PlannerResults
@@ -80,6 +79,7 @@ class SampledCampaign(PlannerResults):
 
     def _judged(self) -> Marks:
         """Return what the sampled cases met."""
+        from parcours.verdict.contracts import contracts_of, judged
         from parcours_ramp.components.model import component_model
 
         model = component_model(self.label)

@@ -143,6 +143,11 @@ def _is_exact(formula: Expression, columns: Mapping[str, NDArray[Any]]) -> bool:
     )
 
 
+def rated_by(study: CampaignStudy) -> set[str]:
+    """Return the fields of facts that `rates_of` looks at, those of its rulings included."""
+    return read_by(study) | {fact.name for fact in study.facts if fact.kind == "bool"}
+
+
 def rates_of(study: CampaignStudy, facts: Rows, rulings: Rulings) -> dict[str, NDArray[np.float64]]:
     """Return what each case counts for the rates of verdicts and of facts of type bool; `failed` counts errors, too."""
     found = {name: (rulings.codes == VERDICTS.index(verdict)).astype(float) for name, verdict, _ in RATES}

@@ -26,7 +26,7 @@ from parcours.verdict.statistics import quantiles, wilson
 
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
-from parcours.study.campaign.judging import Rulings, judge, rates_of, read_by
+from parcours.study.campaign.judging import Rulings, judge, rated_by, rates_of, read_by
 from parcours.study.campaign.rules import RATES, Fault, Rows, Worse, directions, outcome_of, values_of
 
 # At most this many: reasons in a table, rows of a trace in a table, panels of its chart
@@ -83,7 +83,7 @@ class CampaignResults:
 
     def outline(self) -> Outline:
         """Return what a comparison needs: what formulas read of each case, and facts of type bool."""
-        read = read_by(self.study) | {fact.name for fact in self.study.facts if fact.kind == "bool"}
+        read = rated_by(self.study)
         worse = self._worse()
 
         def parts() -> Iterator[OutlinePart]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
@@ -24,6 +25,7 @@ from parcours.study.protocol import Progress, Request, Run
 from parcours.study.stopping import Rates, Watch, pairs_wanted, parse_rule
 
 CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
+_SPOKEN = 1.0  # for how long [s] what a run has said of its rates holds
 
 Wanted = Callable[[str], bool]
 """Says of a field of facts, by its name, whether it is to be read."""
@@ -100,12 +102,21 @@ def run_numbered(
         simulate = Chosen(numbered, chosen)
     folder = request.out.absolute()  # a guest may change the current folder
     until = request.until if pairs_wanted(request.until) is None else ()  # those cases are chosen
-    watch = Watch([parse_rule(text) for text in until], rates, np.zeros(0, campaign.dtype))
+    fields = [name for name in _fields(campaign.dtype) if name in rates.reads]
+    watch = Watch([parse_rule(text) for text in until], rates, np.zeros(0, campaign.dtype), fields)
+    words, spoken = "", -math.inf
+
+    def tell(done: int, total: int) -> None:
+        nonlocal words, spoken
+        if done == total or time.monotonic() - spoken > _SPOKEN:  # intervals take milliseconds
+            words, spoken = watch.so_far, time.monotonic()
+        progress(f"{name}, {label}\n{words}", done, total)
+
     if not (folder / MANIFEST).exists():
         write_question(folder, name, where, question)  # first: whatever ends this process, it says what was asked
     outcome = run_campaign(
         simulate, campaign, folder, workers=workers,  # type: ignore[arg-type]
-        progress=lambda done, total: progress(f"{name}, {label}\n{watch.so_far}", done, total),
+        progress=tell,
         # on a cluster nothing is read here that need not be: results are written faster than one process reads them
         enough=None if request.address and not until else watch, rules=until, max_time=request.max_time,
         address=request.address,

@@ -23,7 +23,7 @@ from parcours.run.campaign import run_campaign
 from parcours.run.exception_text import REASON_LENGTH, words_of
 from parcours.run.heartbeat import write_place
 from parcours.study.campaign.calling import Alarm, PythonCaller, Target, rows_of, shown
-from parcours.study.campaign.judging import judge, rates_of
+from parcours.study.campaign.judging import judge, rated_by, rates_of
 from parcours.study.campaign.results import Trace, read_results, report_results
 from parcours.study.campaign.rules import (
     ABSTRACT,
@@ -46,6 +46,7 @@ from parcours.study.loading import file_of, read_source
 from parcours.study.parameters import Parameter, Scalar, Settings, natural, workers_parameter
 from parcours.study.protocol import Judged, Progress, Rejudged, Reported, Request, Results, Run, StudyFinding
 from parcours.study.selection import chosen_cases
+from parcours.study.stopping import Rates
 from parcours.suite import Case, Plan, combine
 
 PATIENCE = 10.0  # so long a case may take [s of wall clock] if the study says nothing else
@@ -239,7 +240,7 @@ class CampaignStudy:
         return run_numbered(
             self.name, self.where, simulation, len(self.plan(request.seed, request.n_cases)), numbers, question,
             int(request.settings["workers"]), request, progress, simulation.label,
-            lambda facts: rates_of(self, facts, judge(self, facts, request.settings, request.seed)),
+            Rates(lambda of: rates_of(self, of, judge(self, of, request.settings, request.seed)), rated_by(self)),
             {one.name: one.unit for one in self.facts},
         )  # fmt: skip
 

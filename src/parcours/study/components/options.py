@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from parcours.run.hosts import HOSTS
 from parcours.study.components.results import PER_CASE, PER_VISIT
-from parcours.study.hosting import HOSTS
 from parcours.study.parameters import Parameter
 
 
