@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 @click.option("--parquet", type=PATH, metavar="FILE", help="Write the cases as Parquet.")
 @click.option("--csv", type=PATH, metavar="FILE", help="Write the cases as CSV.")
 @click.option("--convert", is_flag=True, help="First rewrite a campaign that an earlier version kept, in its folder.")
+@click.option("--merge", type=LOCATION, metavar="FOLDER", help="Write the campaign there, in few large shards.")
 @click.option("--columns", is_flag=True, help="List the columns, with their units.")
 @named_study
 @as_json
 def command(
     folder: Path, keys: tuple[str, ...], where: str | None, sql: str | None, parquet: Path | None, csv: Path | None,
-    convert: bool, columns: bool, study: str, as_json: bool,
+    convert: bool, merge: Path | None, columns: bool, study: str, as_json: bool,
 ) -> None:  # fmt: skip
     """Ask the results in FOLDER: rates by start vector, block, planner or any other column, or SQL over all cases.
 
@@ -47,6 +48,12 @@ def command(
 
         store = converted(folder)
         click.echo(f"{len(store.in_order())} shards in {folder} are as this version keeps them", err=True)
+
+    if merge is not None:
+        from parcours.run.merging import merge as merged
+
+        store = merged(folder, merge)
+        click.echo(f"wrote {len(store.shards)} shards of {store.campaign.shard_size} cases to {merge}", err=True)
 
     def tables() -> Iterator[ResultTable]:
         parts = read_parts(folder, study)

@@ -179,6 +179,13 @@ class Store:
             finally:
                 readers.shutdown(wait=False, cancel_futures=True)
 
+    def require_finished(self) -> None:
+        """Raise BadResults if shards are missing."""
+        if absent := self.missing():
+            total = len(self.shards)
+            rule = f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
+            raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
+
     def load(self, *, partial: bool = False) -> Rows:
         """Return the results of all cases in order, shape (n_cases,).
 
@@ -188,11 +195,8 @@ class Store:
         Raises:
             BadResults: shards are missing (unless `partial`) or damaged.
         """
-        absent = self.missing()
-        if absent and not partial:
-            total = len(self.shards)
-            rule = f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
-            raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
+        if not partial:
+            self.require_finished()
         shards = self.in_order()
         ends = np.cumsum([0, *(len(self.campaign.cases(shard)) for shard in shards)]).tolist()
         rows = np.empty(ends[-1], self.campaign.dtype)
