@@ -223,7 +223,7 @@ def allowed(model: InputModel, table: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _find_row(goals: Goals, number: int) -> None:
-    """Look for a row that holds a combination: what none can hold is wanted no longer, what is not decided still is."""
+    """Look for a row that holds a combination: if there is none, it is no longer wanted; undecided, it still is."""
     with contextlib.suppress(UndecidedError):
         goals.row_with(number)
 

@@ -10,7 +10,7 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.run.atomic import write_atomically
 from parcours.run.claiming import claimed
-from parcours.run.locations import is_bucket, names_in
+from parcours.run.locations import names_in
 from parcours.run.manifest import MANIFEST
 from parcours.run.stops import STOP
 from parcours.run.store import Store, create, open_results
@@ -38,11 +38,8 @@ def merge(folder: Path, out: Path) -> Store:
     small = store.campaign
     together = -(-LEAST // small.shard_size)
     merged = create(out, replace(small, n_cases=store.planned, shard_size=together * small.shard_size))
-    if is_bucket(out):
+    with claimed(out):
         _fill(store, merged, together)
-    else:
-        with claimed(out):
-            _fill(store, merged, together)
     return merged
 
 

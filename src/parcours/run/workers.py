@@ -248,14 +248,9 @@ class Crew(Generic[R]):
                     assert key is not None
                     if self._once and worker in self.staff:
                         self._lost(worker, ended=True)
-                    elif isinstance(answer, Done):
-                        self._go_on(worker)  # it need not wait until its answer was looked at
+                    elif isinstance(answer, Done) and self.pending and self.pending[0][0] not in self.apart:
+                        worker.start(*self.pending.popleft())  # now: it need not wait until its answer was looked at
                     yield key, answer
-
-    def _go_on(self, worker: _Worker) -> None:
-        """Give a worker that has nothing to do the next item, unless that must be the first of another one."""
-        if self.pending and self.pending[0][0] not in self.apart:
-            worker.start(*self.pending.popleft())
 
     def _answer(self, worker: _Worker) -> Done[R] | Lost | Exception | None:
         while True:

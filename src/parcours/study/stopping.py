@@ -154,7 +154,7 @@ class Watch:
 
     @property
     def so_far(self) -> str:
-        """What is known of the rates, in words, without rules of those that are not 0; empty before the first case."""
+        """What is known of the rates that rules ask for, or else of all above 0, in words; empty before any case."""
         if self._rules:
             found = ((rule.measure, self._counts[rule.measure], rule) for rule in self._rules)
             return ", ".join(_said(name, rule.rate(count, n)) for name, (count, n), rule in found if n)

@@ -41,7 +41,7 @@ class SystemResults:
         return self.kept.whole
 
     def parts(self, wanted: Wanted = lambda name: name != "transitions") -> Iterator[NDArray[np.void]]:
-        """Yield the wanted fields of the facts part by part; without any said, all but a third, that of transitions."""
+        """Yield the wanted fields of the facts part by part; by default all but the counts of transitions, a third."""
         return self.kept.parts(wanted)
 
     def holding(self, facts: NDArray[np.void]) -> SystemResults:

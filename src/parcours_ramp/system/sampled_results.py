@@ -65,7 +65,7 @@ class SampledCampaign(PlannerResults):
         return [*super().cases(), *again]
 
     def drawn(self) -> Iterator[Drawn]:
-        """Yield what the cases were made of, and what they met of the component model; the sampled ones with some."""
+        """Yield what the cases were made of, and what they and the sampled ones met of the component model."""
         sampled = self._judged() if self._sampled else {}
         for one in super().drawn():
             yield replace(one, marks={**one.marks, **sampled})
