@@ -71,13 +71,10 @@ def sin_cos(x: float) -> tuple[float, float]:
     r = (x - turns * HALF_PI_HIGH) - turns * HALF_PI_LOW
     s, c = sin_cos_near_zero(r)
     quadrant = int(turns) & 3
-    if quadrant == 0:
-        return s, c
-    if quadrant == 1:
-        return c, -s
-    if quadrant == 2:
-        return -s, -c
-    return -c, s
+    # Choices, no branch: which quadrant it is cannot be foretold, and a loop over it is compiled to several angles.
+    is_odd = quadrant & 1 == 1
+    along, across = (c if is_odd else s), (s if is_odd else c)
+    return -along if quadrant >= 2 else along, -across if (quadrant + 1) & 2 == 2 else across
 
 
 @kernel
@@ -131,6 +128,8 @@ def wrap(angle: float) -> float:
     >>> wrap(3 * PI) == -PI
     True
     """
+    if -3.14 < angle < 3.14:
+        return angle  # what the division below comes to, too
     return float(angle - TAU * np.floor((angle + PI) / TAU))
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from parcours.kernels import Record
 from parcours_ramp.planner.collision import collision_time, first_collision
 from parcours_ramp.planner.messages import (
+    EPOCH,
     LINE,
     NO_COLLISION,
     OBSTACLE_STATE,
@@ -23,7 +24,7 @@ from parcours_ramp.planner.messages import (
     one,
 )
 from parcours_ramp.planner.parameters import Parameters, guarded, original
-from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.prediction import predict, predicted_until
 from parcours_ramp.planner.route import ROUTE
 from parcours_ramp.planner.trajectory import copy_trajectory, place_at, samples, time_route
 from parcours_ramp.planner.trajectory_evaluation import evaluate
@@ -88,13 +89,10 @@ class Search:
 
 def found(
     trajectory: Record, begins: int, first: int, last: int, prediction: Record, drift: Point, reach: float, leave: bool
-) -> tuple[int, float, int]:
-    """Return what the kernel finds, the slack, and up to which sample that holds."""
+) -> tuple[int, int, float, float, float]:
+    """Return what the kernel finds."""
     place = place_at(trajectory, first * SAMPLE)
-    hit, slack, valid_until = first_collision(
-        trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX
-    )
-    return int(hit), float(slack), int(valid_until)
+    return first_collision(trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX)
 
 
 def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions(ways: list[Way]) -> None:
@@ -109,7 +107,7 @@ def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions
         begins, first, last = int(rng.integers(4 * 10**9)), int(rng.integers(0, 5)), int(way.trajectory.n)
         last = last if k % 3 else first + 11
         drift = (float(rng.uniform(-0.05, 0.05)), float(rng.uniform(-0.05, 0.05)))
-        hit, _, _ = found(way.trajectory, begins, first, last, prediction, drift, reach, leave)
+        hit = found(way.trajectory, begins, first, last, prediction, drift, reach, leave)[0]
         assert hit == Search(way.trajectory, begins, first, last, prediction, drift).hit(reach, leave), k
         hits.append(hit < last)
     assert 0.2 < np.mean(hits) < 0.8
@@ -128,11 +126,12 @@ small = st.floats(-0.05, 0.05)
 @given(
     st.integers(0, 599), motions, places, places, st.floats(-math.pi, math.pi),
     st.integers(-2 * 10**9, 14 * 10**9), st.integers(0, 60), st.integers(1, 520), small, small,
-    st.floats(0.05, 0.5) | st.floats(-9.0, -2.0), st.booleans(), st.booleans(),
+    st.floats(0.05, 0.5) | st.floats(-9.0, -2.0), st.booleans(), st.booleans(), st.floats(-math.pi, math.pi),
+    st.sampled_from([0.1, 0.9, 0.999999]),
 )  # fmt: skip
 def test_nothing_the_search_skips_could_have_been_a_collision(
     ways: list[Way], number: int, motion: Point, x: float, y: float, heading: float, late: int, first: int, n: int,
-    dx: float, dy: float, reach: float, above: bool, leave: bool,
+    dx: float, dy: float, reach: float, above: bool, leave: bool, aside: float, share: float,
 ) -> None:  # fmt: skip
     trajectory, prediction = ways[number].trajectory, prediction_of(x, y, heading, *motion, stamp=3 * 10**9)
     begins, last = 3 * 10**9 + late, first + n
@@ -140,12 +139,21 @@ def test_nothing_the_search_skips_could_have_been_a_collision(
     if reach < 0.0:  # the bodies only just touch, or miss, by 10^reach: at the nearest they come, or begin
         reach = search.least + (10.0**reach if above else -(10.0**reach))
         assume(0.01 < reach < 2.0)
-    hit, slack, valid_until = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
+    hit, valid_until, slack, tight, later = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
     assert hit == search.hit(reach, leave)
     assert valid_until <= hit
-    if valid_until > first:  # so far the two could come nearer by `slack`, and nothing would be found
-        way = search.nearest[: valid_until - first - (valid_until == last)]
-        assert 0.0 <= slack <= min(float(search.distances[0]), float(way.min(initial=np.inf))) - reach + 1e-12
+    assert 0.0 <= tight <= slack
+    assert later >= 0.0
+    # So far the two could come nearer by `slack`, and nothing would be found; by `later`, where no way is predicted.
+    until = int(min(valid_until, max(predicted_until(prediction, begins), first)))
+    for sample, least in ((until, slack), (valid_until, min(slack, later))):
+        if sample > first:
+            way = search.nearest[: sample - first - (sample == last)]
+            assert least <= min(float(search.distances[0]), float(way.min(initial=np.inf))) - reach + 1e-12
+    # By less than `tight` and `later` the two may be elsewhere, in any direction, and the same is found.
+    off = share * min(tight, later, 3.0)
+    drift = (dx + off * math.cos(aside), dy + off * math.sin(aside))
+    assert found(trajectory, begins, first, last, prediction, drift, reach, leave)[0] == hit
 
 
 def crossing(samples: int = 60) -> Record:
@@ -162,7 +170,7 @@ def crossing(samples: int = 60) -> Record:
 def test_head_on_at_three_quarters_of_a_metre_a_second_is_seen_at_the_sample_it_happens() -> None:
     prediction = prediction_of(1.5, 0.0, math.pi, 0.5, 0.0)
     touched = (1.5 - 0.225) / 0.75
-    hit, _, _ = found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, False)
+    hit = found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, False)[0]
     assert hit == math.ceil(touched / SAMPLE)
 
 
@@ -220,7 +228,7 @@ def test_every_feasible_trajectory_is_fitter_than_every_infeasible_one(ways: lis
             )
         trajectory = one(TRAJECTORY)
         copy_trajectory(trajectory, way.trajectory, 0)
-        evaluate(trajectory, predictions, 0, 0.0, 0.0, 0.0, float(way.start.heading), False, parameters.record())
+        evaluate(trajectory, predictions, one(EPOCH), 0.0, 0.0, float(way.start.heading), False, parameters.record())
         assert 0.0 < trajectory.fitness <= 1.0
         if trajectory.t_collision < NO_COLLISION or not trajectory.smooth:
             assert not trajectory.feasible
@@ -239,8 +247,8 @@ def test_the_longest_way_through_the_arena_is_fitter_than_the_latest_collision(
     obstacle = prediction_of(0.025 * round(late / SAMPLE) + 0.22, 0.0, 0.0, 0.0, 0.0)
     predictions = many(PREDICTION, 1)
     predictions[0] = obstacle
-    evaluate(free, predictions[:0], 0, 0.0, 0.0, 0.0, 0.0, False, guarded().record())
-    evaluate(doomed, predictions, 0, 0.0, 0.0, 0.0, 0.0, False, original().record())
+    evaluate(free, predictions[:0], one(EPOCH), 0.0, 0.0, 0.0, False, guarded().record())
+    evaluate(doomed, predictions, one(EPOCH), 0.0, 0.0, 0.0, False, original().record())
     assert free.feasible
     assert not doomed.feasible
     assert free.fitness > doomed.fitness
@@ -250,7 +258,7 @@ def test_a_collision_at_once_costs_the_published_1e4_and_a_later_one_1e4_over_it
     predictions, trajectory = many(PREDICTION, 1), crossing()
     for x, t, penalty in ((0.1, 0.0, 1e4), (0.24, 0.1, 1e5), (0.9, None, None)):
         predictions[0] = prediction_of(x, 0.0, 0.0, 0.0, 0.0)
-        evaluate(trajectory, predictions, 0, 0.0, 0.0, 0.0, 0.0, False, original().record())
+        evaluate(trajectory, predictions, one(EPOCH), 0.0, 0.0, 0.0, False, original().record())
         at = float(trajectory.t_collision) if t is None else t
         assert trajectory.t_collision == pytest.approx(at)
         expected = 1e4 / at if penalty is None else penalty
@@ -262,7 +270,7 @@ def test_fitness_falls_with_duration_rest_turning_and_first_heading_and_with_an_
         trajectory = crossing()
         for name, value in changes.items():
             setattr(trajectory, name, value)
-        evaluate(trajectory, predictions, 0, 0.0, 0.0, 0.0, 0.0, halted, guarded().record())
+        evaluate(trajectory, predictions, one(EPOCH), 0.0, 0.0, 0.0, halted, guarded().record())
         return float(trajectory.fitness)
 
     nobody, early, late = many(PREDICTION, 0), many(PREDICTION, 1), many(PREDICTION, 1)

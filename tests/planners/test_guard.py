@@ -9,7 +9,7 @@ import pytest
 
 from parcours.kernels import Record
 from parcours_ramp.planner.guard import evaluate_moving_on, is_imminent
-from parcours_ramp.planner.messages import OBSTACLE_STATE, PATH, POSE, PREDICTION, many, one
+from parcours_ramp.planner.messages import EPOCH, OBSTACLE_STATE, PATH, POSE, PREDICTION, many, one
 from parcours_ramp.planner.parameters import Parameters, guarded, original
 from parcours_ramp.planner.planner_state import PLANNER
 from parcours_ramp.planner.prediction import predict
@@ -45,7 +45,7 @@ def seen(x: float, y: float, heading: float, v: float, now: float) -> Record:
 
 def alarm(parameters: Parameters, predictions: Record, now: float, period: float = 2.0) -> bool:
     planner, record = under_way(period), parameters.record()
-    evaluate_moving_on(planner, predictions, round(now * SECOND), np.inf, record)
+    evaluate_moving_on(planner, predictions, round(now * SECOND), one(EPOCH), record)
     return bool(is_imminent(planner, round(now * SECOND), record))
 
 
@@ -94,10 +94,10 @@ def test_the_published_guard_pairs_where_the_robot_was_with_where_the_obstacle_i
     # And one that will hit it head-on in 0.4 s is taken to be met only when the robot has come there from the start.
     planner, record = under_way(), original().record()
     ahead = seen(0.375 + 0.4 * 0.75 + REACH, 0.0, math.pi, 0.5, now=1.5)
-    evaluate_moving_on(planner, ahead, round(1.5 * SECOND), np.inf, record)
+    evaluate_moving_on(planner, ahead, round(1.5 * SECOND), one(EPOCH), record)
     assert planner.moving_on_t == pytest.approx((0.375 + 0.3) / 0.75, abs=0.11)  # counted as if the robot were at 0
     planner, record = under_way(), BARE.record()
-    evaluate_moving_on(planner, ahead, round(1.5 * SECOND), np.inf, record)
+    evaluate_moving_on(planner, ahead, round(1.5 * SECOND), one(EPOCH), record)
     assert planner.moving_on_t - 1.5 == pytest.approx(0.4, abs=0.11)
 
 
@@ -119,7 +119,7 @@ def test_the_repaired_guard_keeps_its_margin() -> None:
 def test_nothing_is_imminent_before_any_obstacle_is_known() -> None:
     for parameters in (original(), guarded()):
         planner, record = under_way(), parameters.record()
-        evaluate_moving_on(planner, seen(0.1, 0.0, 0.0, 0.0, 0.0), 0, np.inf, record)
+        evaluate_moving_on(planner, seen(0.1, 0.0, 0.0, 0.0, 0.0), 0, one(EPOCH), record)
         assert is_imminent(planner, 0, record)
         planner.knows_obstacles = 0
         assert not is_imminent(planner, 0, record)

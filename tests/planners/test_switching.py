@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from parcours.kernels import Record
 from parcours.streams import start
@@ -17,7 +19,20 @@ from parcours_ramp.planner.messages import PATH, POSE, PREDICTION, SAMPLE, many,
 from parcours_ramp.planner.parameters import guarded, original
 from parcours_ramp.planner.planner_state import PLANNER, begin_population
 from parcours_ramp.planner.population import best_member
-from parcours_ramp.planner.route import HYBRID, NEAR, ROUTE, TRANSITION, can_switch, is_cramped
+from parcours_ramp.planner.route import (
+    ENTERED,
+    GENTLE,
+    HYBRID,
+    LAID,
+    NEAR,
+    NEVER,
+    ROUTE,
+    TRANSITION,
+    _round_corner,
+    enter,
+    go_on,
+    is_too_sharp,
+)
 from parcours_ramp.planner.sensing_cycle import evaluate_population
 from parcours_ramp.planner.switching import EARLIEST, switch_path
 from parcours_ramp.planner.trajectory import pose_at, samples
@@ -66,27 +81,47 @@ def cycles() -> list[Cycle]:
     return found
 
 
-def test_where_a_corner_is_cramped_a_way_cannot_be_joined() -> None:
+@settings(max_examples=3000)
+@given(
+    st.floats(0.0, 0.6), st.floats(0.02, 0.6), st.floats(-math.pi, math.pi) | st.floats(-0.4, 0.4), st.booleans(),
+    st.floats(0.0, 0.33), st.booleans(),
+)  # fmt: skip
+def test_a_corner_that_is_called_too_sharp_is_not_rounded(
+    before: float, after: float, turn: float, first: bool, v: float, early: bool
+) -> None:
+    parameters = guarded().record()
+    ahead, aside = after * math.cos(turn), after * math.sin(turn)
+    if is_too_sharp(before, after, ahead, aside, first, parameters):
+        leg, _ = _round_corner(before, after, turn, v, early, parameters)
+        assert leg == 0.0
+        assert abs(turn) > (NEAR if first else GENTLE)
+
+
+def test_most_ways_that_cannot_be_joined_have_a_corner_that_is_called_too_sharp() -> None:
     rng, parameters = np.random.default_rng(7), guarded().record()
-    counts = {True: 0, False: 0}
+    laid, sharp, other = 0, 0, 0
     path, pose, joined, route = one(PATH), one(POSE), one(PATH), one(ROUTE)
     path.n = 4
-    for _ in range(20_000):
+    for _ in range(10_000):
         direction = rng.uniform(-math.pi, math.pi)
-        away, pose.v = rng.uniform(0.0, 0.5), rng.uniform(0.0, 0.33)
+        away, pose.v = rng.uniform(0.02, 0.5), rng.uniform(0.0, 0.33)
         path.x[:4], path.y[:4] = rng.uniform(0.0, 2.0, (2, 4))
-        bend = direction + rng.normal(0.0, 0.3)  # the second knot lies near, often nearly ahead
-        path.x[1] = path.x[0] + rng.uniform(0.0, 0.5) * math.cos(bend)
-        path.y[1] = path.y[0] + rng.uniform(0.0, 0.5) * math.sin(bend)
         pose.x, pose.y = path.x[0] - away * math.cos(direction), path.y[0] - away * math.sin(direction)
         pose.heading = direction + rng.normal(0.0, 0.02)
         switch_path(path, pose, TRANSITION, joined)
-        if can_switch(joined, pose, parameters, route):
-            assert not is_cramped(path, 0, pose)
-            counts[True] += 1
-        else:
-            counts[False] += is_cramped(path, 0, pose)
-    assert min(counts.values()) > 300
+        if enter(joined, 1, pose, NEVER, parameters, route) != ENTERED:
+            continue
+        can = go_on(joined, pose.v, TRANSITION, parameters, route) == LAID
+        # What only looks whether it can be joined enters the path itself, which begins at the joint.
+        assert enter(path, 0, pose, NEVER, parameters, route) == ENTERED
+        assert (go_on(path, pose.v, TRANSITION, parameters, route) == LAID) == can
+        x, y = path.x[1] - path.x[0], path.y[1] - path.y[0]
+        ahead, aside = route.at_c * x + route.at_s * y, route.at_c * y - route.at_s * x
+        is_sharp = is_too_sharp(route.before, math.hypot(x, y), ahead, aside, True, parameters)
+        assert not (can and is_sharp)
+        laid, sharp, other = laid + can, sharp + is_sharp, other + (not can and not is_sharp)
+    assert min(laid, other) > 300
+    assert sharp > other
 
 
 def turn(one_heading: float, other: float) -> float:

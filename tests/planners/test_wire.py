@@ -20,6 +20,7 @@ from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.control import CONTROL, command, follow
 from parcours_ramp.planner.latency import none
 from parcours_ramp.planner.messages import (
+    EPOCH,
     LEG,
     MODIFICATION,
     OBSTACLE_STATE,
@@ -218,6 +219,8 @@ def test_a_trajectory_that_came_back_behaves_bit_by_bit_as_the_one_sent(ways: li
         returned = back.trajectories[0]
         differing += returned.tobytes() != given.tobytes()
         assert samples(returned).tobytes() == samples(given).tobytes()
+        epoch = one(EPOCH)
+        epoch.number, epoch.changed = 4, 0.1
         for parameters in (guarded(), original()):
             answers = [TrajectoryEvaluation(parameters).answer(each) for each in (request, back)]
             assert bits(answers[0]) == bits(answers[1])
@@ -229,7 +232,7 @@ def test_a_trajectory_that_came_back_behaves_bit_by_bit_as_the_one_sent(ways: li
             for trajectory, seen in ((given, dirty), (returned, back.predictions)):
                 work, control, tail = trajectory.copy(), one(CONTROL), one(TRAJECTORY)
                 record = parameters.record()
-                evaluate(work, seen, 4, 0.1, 0.01, 0.0, 0.2, False, record)
+                evaluate(work, seen, epoch, 0.01, 0.0, 0.2, False, record)
                 copy_trajectory(tail, work, min(int(work.n) - 1, 9))
                 follow(control, work, 0, record)
                 control.limit = 0.2
@@ -243,15 +246,23 @@ def test_a_trajectory_that_came_back_behaves_bit_by_bit_as_the_one_sent(ways: li
 
 def test_what_an_evaluation_remembers_survives() -> None:
     trajectory, record = greatest("best_trajectory").copy(), guarded().record()
-    evaluate(trajectory, some_predictions()[:1], 6, 0.25, 0.01, -0.03, 0.2, False, record)
+    epoch = one(EPOCH)
+    epoch.number, epoch.changed, epoch.strayed = 6, 0.25, 0.125
+    evaluate(trajectory, some_predictions()[:1], epoch, 0.01, -0.03, 0.2, False, record)
     assert trajectory.epoch == 6
     trajectory.begins, trajectory.lag, trajectory.slack = 2**62 + 1, -(2**40) - 1, math.inf
     back = decode("best_trajectory", encode("best_trajectory", trajectory))
     for name in (
         "epoch",
+        "looked",
+        "met_at",
         "valid_until",
+        "sure_until",
         "slack",
+        "tight",
+        "later",
         "changed",
+        "strayed",
         "drift_x",
         "drift_y",
         "begins",

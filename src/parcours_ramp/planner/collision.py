@@ -1,4 +1,4 @@
-"""A trajectory and predicted obstacles -> when they first meet, and how much nearer they might come before that.
+"""A trajectory and predicted obstacles -> when they first meet, and how certain that is.
 
 The outline of the trajectory is gone through first, with both bodies in uniform motion: only where these come nearer
 than reach and all that was left out could matter, are single instants looked at.
@@ -10,7 +10,7 @@ import numpy as np
 
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE
-from parcours_ramp.planner.prediction import predicted_place
+from parcours_ramp.planner.prediction import coarseness, predicted_place
 from parcours_ramp.planner.trajectory import place_at, place_from
 
 # Collision search, leg by leg:
@@ -19,9 +19,10 @@ from parcours_ramp.planner.trajectory import place_at, place_from
 #       o--------------o--------------o               |
 #                 ^                                   v        reach = robot radius + obstacle radius + margin
 #                 |<------- near ------->|                     least = reach + all that uniform motion leaves out
+#                                                                      + a berth, so that some slack is left
 #
-#   near >= least   nothing can happen on this leg; slack = near - least is remembered: as long as predictions have
-#                   changed by less than the least slack, the next evaluation need not look at all
+#   near >= least   nothing can happen on this leg; its slack is remembered: as long as the two have come nearer by less
+#                   than the least slack, the next evaluation need not look at all
 #   near <  least   |--------[enters ~~~~~~~~ leaves]------|   only samples between these instants are looked at, and
 #                                 i --> i+k                    there k samples are skipped that the gap needs to close
 _UNSEEN = 0.003
@@ -29,6 +30,11 @@ _UNSEEN = 0.003
 
 `slack` relies on it; a robot that speeds up faster has been tried up to 20 m/s2 without a miss.
 """
+
+_BERTH = 0.01  # Where single instants are looked at, the slack left is at most this [m]
+_ENOUGH = 0.009  # ... and what is passed with less than this is not passed by far [m]
+_ROUNDING = 1e-9  # What of a margin is left for rounding [m]
+_FAR = 0.05  # An obstacle that is so far beyond reach of a box around the trajectory is looked at no further [m]
 
 _AWAY = 0.15
 """A robot leaves what it is too near to if the distance grows by at least this share of the way that they move."""
@@ -48,28 +54,44 @@ def _gap(
 
 
 @kernel
+def _certainty(before: float, within: float, reach: float) -> float:
+    """Return how far off a hit may be and still be found [m], by the squares of the least distance before and at it."""
+    return float(min(np.sqrt(before) - reach, reach - np.sqrt(within)))
+
+
+@kernel
+def _slack(most: float, least: float) -> float:
+    """Return the slack over legs with greatest need `most` [m], by the least difference of squares [m2]."""
+    return float(np.sqrt(most * most + least) - most)
+
+
+@kernel
 def _first_hit(
     trajectory: Record, first: int, last: int, prediction: Record, shift: float, dx: float, dy: float, reach: float,
-    leaving: bool, closing: float,
-) -> int:  # fmt: skip
+    berth: float, leaving: bool, closing: float,
+) -> tuple[int, float]:  # fmt: skip
     """Return the first sample from `first` on at which the two are within reach, looking at one sample after the other.
 
     Samples are skipped as long as the gap cannot close (conservative advancement); where it can, the least distance
     between two samples is exact, so that nothing slips between them. `closing` is the most it closes in a sample [m].
+
+    Beside it stands how far off they may be while the same is found [m]; that is up to `berth` if they do not meet.
     """
     i = first
     x, y, piece = _gap(trajectory, i, 0, prediction, shift, dx, dy)
     square = x * x + y * y
-    near, far = reach * reach, (reach + closing) * (reach + closing)
+    outer = reach + berth
+    near, far = reach * reach, (outer + closing) * (outer + closing)
+    least = outer * outer
     while i < last:
         if square < near and not leaving:
-            return i
+            return i, _certainty(least, square, reach)
         if square >= near:
             leaving = False
             if square >= far:
-                i += max(int((np.sqrt(square) - reach) / closing), 1)
+                i += max(int((np.sqrt(square) - outer) / closing), 1)
                 if i >= last:
-                    return last
+                    break
                 x, y, piece = _gap(trajectory, i, piece, prediction, shift, dx, dy)
                 square = x * x + y * y
                 continue
@@ -80,26 +102,29 @@ def _first_hit(
             step_x, step_y = x1 - x, y1 - y
             away = _AWAY * np.sqrt(step_x * step_x + step_y * step_y)
             if np.sqrt(following) < np.sqrt(square) + away - 1e-6:
-                return i - 1
+                return i - 1, 0.0
         elif following < near:
-            return i
+            return i, _certainty(min(least, square), following, reach)
         else:
             step_x, step_y = x1 - x, y1 - y
             inwards, length = -(x * step_x + y * step_y), step_x * step_x + step_y * step_y
-            if 0.0 < inwards < length and (square - near) * length < inwards * inwards:
-                return i
+            least = min(least, square)
+            if 0.0 < inwards < length:
+                least = min(least, square - inwards * inwards / length)
+                if (square - near) * length < inwards * inwards:
+                    return i, 0.0
         x, y, square = x1, y1, following
-    return last
+    return last, np.sqrt(min(least, square)) - reach
 
 
 @kernel
 def _collision_with_standing(
     trajectory: Record, first: int, last: int, prediction: Record, drift_x: float, drift_y: float, reach: float,
     v_max: float,
-) -> tuple[int, float, int]:  # fmt: skip
+) -> tuple[int, int, float, float, float]:  # fmt: skip
     """Return what `first_collision` does for an obstacle that stands, and a robot that begins out of its reach."""
     x, y = prediction.x[0] - drift_x, prediction.y[0] - drift_y
-    nearest, most, valid_until = np.inf, 0.0, last
+    spare, most, slack, tight, valid_until = np.inf, 0.0, np.inf, np.inf, last
     for i in range(trajectory.n_legs):
         leg = trajectory.legs[i]
         is_last = i == trajectory.n_legs - 1
@@ -112,10 +137,10 @@ def _collision_with_standing(
         share = min(max(inwards * leg.per_square, 0.0), 1.0)
         near_x, near_y = gap_x - share * leg.dx, gap_y - share * leg.dy
         near = near_x * near_x + near_y * near_y
-        least = reach + leg.stray + _UNSEEN
+        least = reach + _BERTH + leg.stray + _UNSEEN
         if near >= least * least:
             if valid_until == last:
-                nearest, most = min(nearest, near), max(most, least)
+                spare, most = min(spare, near - least * least), max(most, least)
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap_x * gap_x + gap_y * gap_y - least * least
@@ -129,25 +154,37 @@ def _collision_with_standing(
                 to = min(last, int((begun + leaves * lasts) / SAMPLE) + 2)
             elif not is_last:
                 to = min(last, int((begun + lasts) / SAMPLE) + 1)
-            hit = _first_hit(trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, False, v_max * SAMPLE)
-            valid_until = min(valid_until, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
+            hit, margin = _first_hit(
+                trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, _BERTH, False, v_max * SAMPLE
+            )
+            margin = max(margin - _ROUNDING, 0.0)
+            tight = min(tight, margin)
+            if margin >= _ENOUGH and hit >= to:
+                slack = min(slack, margin)
+            else:
+                valid_until = min(valid_until, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
             if hit < to:
-                return hit, max(np.sqrt(nearest) - most, 0.0), valid_until
-    return last, max(np.sqrt(nearest) - most, 0.0), valid_until
+                last = hit
+                break
+    slack = min(slack, _slack(most, spare) + _BERTH)
+    return last, valid_until, slack, min(tight, slack), np.inf
 
 
 @kernel
 def _collision_with_moving(
     trajectory: Record, first: int, last: int, x0: float, y0: float, prediction: Record, shift: float, drift_x: float,
     drift_y: float, reach: float, v_max: float,
-) -> tuple[int, float, int]:  # fmt: skip
+) -> tuple[int, int, float, float, float]:  # fmt: skip
     """Return what `first_collision` does for an obstacle that moves, and a robot that begins out of its reach."""
     closing = (v_max + abs(prediction.speed)) * SAMPLE
     time, until = first * SAMPLE, last * SAMPLE
     sets_out, stands = -shift * SAMPLE, (prediction.n - 1 - shift) * SAMPLE
     ox0, oy0 = predicted_place(prediction, first + shift)
     i = 0
-    nearest, most, valid_until = np.inf, 0.0, last
+    spare, spare_later, most = np.inf, np.inf, 0.0
+    slack, tight, later, valid_until = np.inf, np.inf, np.inf, last
+    coarse = coarseness(prediction)
+    berth = _BERTH + coarse
     unseen = _UNSEEN + 0.25 * abs(prediction.speed) * SAMPLE  # the obstacle sets out and stops at once
     inexact = 2.0  # the first leg may be entered in its midst
     while time < until:
@@ -184,10 +221,13 @@ def _collision_with_moving(
             near = gap - 2.0 * inwards + square
         elif inwards > 0.0:
             near = gap - inwards * inwards / square
-        least = reach + stray
+        least = reach + berth + stray
         if near >= least * least:
-            if valid_until == last:
-                nearest, most = min(nearest, near), max(most, least)
+            most = max(most, least)
+            if time >= stands:
+                spare_later = min(spare_later, near - least * least)
+            elif valid_until == last:
+                spare = min(spare, near - least * least)
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap - least * least
@@ -196,23 +236,37 @@ def _collision_with_moving(
             leaves = min(1.001 * (inwards + root) / square, 1.0) if square > 0.0 else 1.0
             from_ = max(first, int((time + enters * (end - time)) / SAMPLE))
             to = min(last, int((time + leaves * (end - time)) / SAMPLE) + 2)
-            hit = _first_hit(trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, False, closing)
-            valid_until = min(valid_until, int(time / SAMPLE) - 1)
+            hit, margin = _first_hit(
+                trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, berth, False, closing
+            )
+            margin = max(margin - coarse - _ROUNDING, 0.0)
+            if to * SAMPLE > stands:
+                later = min(later, margin)
+            if time < stands:
+                tight = min(tight, margin)
+            if margin >= _ENOUGH and hit >= to:
+                slack = min(slack, margin)
+            else:
+                valid_until = min(valid_until, int(time / SAMPLE) - 1)
             if hit < to:
-                return hit, max(np.sqrt(nearest) - most, 0.0), valid_until
+                last = hit
+                break
         time, x0, y0, ox0, oy0 = end, x1, y1, ox1, oy1
-    return last, max(np.sqrt(nearest) - most, 0.0), valid_until
+    slack = min(slack, _slack(most, spare) + _BERTH)
+    later = min(later, _slack(most, spare_later) + _BERTH)
+    return last, valid_until, slack, min(tight, slack), later
 
 
 @kernel
 def first_collision(
     trajectory: Record, begins: int, first: int, last: int, x0: float, y0: float, prediction: Record, drift_x: float,
     drift_y: float, reach: float, may_leave: bool, v_max: float,
-) -> tuple[int, float, int]:  # fmt: skip
+) -> tuple[int, int, float, float, float]:  # fmt: skip
     """Return the first sample at which robot and obstacle are predicted to be within `reach`, or `last` if at none.
 
-    Beside it stand the slack left: by how much the two may at least come nearer before anything is found [m]; and up to
-    which sample that holds.
+    Beside it stand how certain that is: up to which sample they pass each other even if they come nearer by less than
+    the slack [m] that follows; how far off they may be, in any direction, while the same is found as now [m]; and how
+    far off the obstacle may be once its way is no longer predicted [m], as the two before hold only until then.
 
     The legs of the trajectory are gone through first, with both bodies in uniform motion: only where these come
     nearer than reach and all that was left out could matter, are samples looked at.
@@ -230,31 +284,79 @@ def first_collision(
     x, y = x - x0 - drift_x, y - y0 - drift_y
     if x * x + y * y < reach * reach:
         if not may_leave:
-            return first, 0.0, first
+            depth = max(reach - coarseness(prediction) - np.sqrt(x * x + y * y) - _ROUNDING, 0.0)
+            return first, first, depth, depth, depth
         closing = (v_max + abs(prediction.speed)) * SAMPLE
-        hit = _first_hit(trajectory, first, last, prediction, shift, drift_x, drift_y, reach, True, closing)
-        return hit, 0.0, first
+        hit, _ = _first_hit(trajectory, first, last, prediction, shift, drift_x, drift_y, reach, 0.0, True, closing)
+        return hit, first, 0.0, 0.0, 0.0
     if prediction.n == 1:
         return _collision_with_standing(trajectory, first, last, prediction, drift_x, drift_y, reach, v_max)
     return _collision_with_moving(trajectory, first, last, x0, y0, prediction, shift, drift_x, drift_y, reach, v_max)
 
 
 @kernel
+def _bounds(trajectory: Record, first: int, last: int) -> tuple[float, float, float, float]:
+    """Return the box that the trajectory does not leave between two samples: from x to x, from y to y [m]."""
+    left = low = np.inf
+    right = high = -np.inf
+    stray = 0.0
+    for i in range(trajectory.n_legs):
+        leg = trajectory.legs[i]
+        if leg.end - trajectory.skipped <= first * SAMPLE and i < trajectory.n_legs - 1:
+            continue
+        if leg.begin - trajectory.skipped >= last * SAMPLE and left < np.inf:
+            break
+        left, right = min(left, leg.x, leg.x + leg.dx), max(right, leg.x, leg.x + leg.dx)
+        low, high = min(low, leg.y, leg.y + leg.dy), max(high, leg.y, leg.y + leg.dy)
+        stray = max(stray, leg.stray)
+    return left - stray, right + stray, low - stray, high + stray
+
+
+@kernel
+def _outside(
+    left: float, right: float, low: float, high: float, prediction: Record, begins: float, ends: float
+) -> float:
+    """Return how far the obstacle is outside a box at least, between two samples of its prediction [m].
+
+    It goes from one place to another by no more than its way: so it stays within half of that of their middle.
+    """
+    x, y = predicted_place(prediction, begins)
+    half = 0.0
+    if prediction.n > 1:
+        to_x, to_y = predicted_place(prediction, ends)
+        x, y = 0.5 * (x + to_x), 0.5 * (y + to_y)
+        until = prediction.n - 1.0
+        half = 0.5 * abs(prediction.speed) * SAMPLE * (min(max(ends, 0.0), until) - min(max(begins, 0.0), until))
+    gap_x, gap_y = max(left - x, x - right, 0.0), max(low - y, y - high, 0.0)
+    return float(np.sqrt(gap_x * gap_x + gap_y * gap_y) - half)
+
+
+@kernel
 def earliest_collision(
     trajectory: Record, begins: int, first: int, last: int, predictions: Record, drift_x: float, drift_y: float,
     margin: float, may_leave: bool, parameters: Record,
-) -> tuple[int, float, int]:  # fmt: skip
-    """Return the first sample at which any obstacle is met, `last` if none is; the slack [m]; up to which sample."""
-    least_slack, least_valid_until = np.inf, last
+) -> tuple[int, int, float, float, float]:  # fmt: skip
+    """Return what `first_collision` does, for all obstacles together."""
+    all_valid_until, least_slack, least_tight, least_later = last, np.inf, np.inf, np.inf
     x0, y0 = place_at(trajectory, first * SAMPLE)
+    left, right, low, high = _bounds(trajectory, first, last)
     for k in range(len(predictions)):
         prediction = predictions[k]
         reach = parameters.robot_radius + prediction.radius + margin
-        last, slack, valid_until = first_collision(
+        shift = (begins - prediction.stamp) * 1e-9 / SAMPLE
+        spare = _outside(
+            left + drift_x, right + drift_x, low + drift_y, high + drift_y, prediction, first + shift, last + shift
+        ) - (reach + coarseness(prediction))
+        if spare > _FAR:
+            least_slack, least_tight = min(least_slack, spare), min(least_tight, spare)
+            least_later = min(least_later, spare)
+            continue
+        last, valid_until, slack, tight, later = first_collision(
             trajectory, begins, first, last, x0, y0, prediction, drift_x, drift_y, reach, may_leave, parameters.v_max
         )
-        least_slack, least_valid_until = min(least_slack, slack), min(least_valid_until, valid_until)
-    return last, least_slack, least_valid_until
+        all_valid_until, least_slack = min(all_valid_until, valid_until), min(least_slack, slack)
+        least_tight, least_later = min(least_tight, tight), min(least_later, later)
+    return last, all_valid_until, least_slack, least_tight, least_later
 
 
 @kernel
@@ -263,7 +365,7 @@ def collision_time(
     margin: float, may_leave: bool, parameters: Record,
 ) -> float:  # fmt: skip
     """Return when the trajectory first meets any obstacle, from its start [s]; NO_COLLISION if it meets none."""
-    earliest, _, _ = earliest_collision(
+    earliest, _, _, _, _ = earliest_collision(
         trajectory, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters
     )
     return earliest * SAMPLE if earliest < last else NO_COLLISION

@@ -13,7 +13,7 @@ import numpy as np
 
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, PlannerStep, StateReport, one, reporting
+from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, PlannerStep, StateReport, fields, one, reporting
 from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
 
@@ -31,6 +31,8 @@ CONTROL = np.dtype(
         ("limit", "f8"),  # how fast it may drive now [m/s]
         ("lag", "i8"),  # by how much limits have delayed it so far [ns]
         ("reference", POSE),  # working memory
+        ("replayed", "i8"),  # the sample that was last replayed of this trajectory; -1 for none
+        *fields("f8", "here there"),  # the headings planned at that sample, and at the one after it [rad]
         ("command_v", "f8"),  # [m/s]
         ("command_w", "f8"),  # [rad/s]
     ]
@@ -48,6 +50,7 @@ def follow(control: Record, trajectory: Record, now: int, parameters: Record) ->
     """Take over a new TRAJECTORY at `now` [ns]."""
     copy_trajectory(control.trajectory, trajectory, 0)
     control.has = 1
+    control.replayed = -1
     control.begins = now if parameters.schedule == ORIGINAL else trajectory.begins + control.lag - trajectory.lag
 
 
@@ -71,13 +74,19 @@ def _replay(control: Record, pose: Record, now: int) -> None:
         control.command_v = control.command_w = 0.0
         return
     reference = control.reference
-    pose_at(trajectory, i * SAMPLE, reference)
-    heading = reference.heading
-    pose_at(trajectory, (i + 1) * SAMPLE, reference)
+    if i != control.replayed:
+        if i == control.replayed + 1 and i > 0:
+            control.here = control.there
+        else:
+            pose_at(trajectory, i * SAMPLE, reference)
+            control.here = reference.heading
+        pose_at(trajectory, (i + 1) * SAMPLE, reference)
+        control.there = reference.heading
+        control.replayed = i
     control.command_v = reference.v
-    control.command_w = wrap(reference.heading - heading) / SAMPLE
+    control.command_w = wrap(control.there - control.here) / SAMPLE
     if abs(control.command_w) < _STRAIGHT:
-        control.command_w = _HEADING_GAIN * wrap(heading - pose.heading)
+        control.command_w = _HEADING_GAIN * wrap(control.here - pose.heading)
 
 
 @kernel

@@ -142,7 +142,7 @@ def control_cycle(planner: Record, predictions: Record, now: int, parameters: Re
     """
     catch_up_with_best(planner, predictions, parameters)
     best = commit(planner, now, parameters)
-    evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
+    evaluate_moving_on(planner, predictions, now, planner.epoch, parameters)
     adapted, kept = adapt(planner, best, now, parameters)
     for i in range(planner.n):
         if adapted and i != kept:

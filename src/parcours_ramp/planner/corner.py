@@ -61,10 +61,16 @@ def _doubled_area(x: float) -> float:
 
 
 @kernel
+def _length(leg: float, s: float, c: float) -> float:
+    """Return what `corner_length` does, from sine and cosine of half the turning angle."""
+    return float(leg * c * c / s * _doubled_area(s / c)) if s > 1e-6 else 2.0 * leg
+
+
+@kernel
 def corner_length(leg: float, turn: float) -> float:
     """Return the length of the curve [m]."""
     s, c = sin_cos(0.5 * abs(turn))
-    return float(leg * c * c / s * _doubled_area(s / c)) if s > 1e-6 else 2.0 * leg
+    return _length(leg, s, c)
 
 
 @kernel
@@ -120,8 +126,9 @@ def slope_at(way: float) -> float:
 
 @kernel
 def shape_corner(piece: Record) -> None:
-    """Set what `place_on_corner` needs of the CURVE of a PIECE, from its leg and angle."""
+    """Set length, and what `place_on_corner` needs, of the CURVE of a PIECE, from its leg and angle."""
     s, c = sin_cos(0.5 * abs(piece.angle))
+    piece.length = _length(piece.leg, s, c)
     piece.half_s, piece.half_c = s, c
     piece.per_way = 2.0 * s / (piece.leg * c * c)
     piece.per_slope = 0.5 * c / s

@@ -45,13 +45,17 @@ TRAJECTORIES = RecordLayout(
     ((0, MAX_SAMPLES), (0, MAX_PIECES), (0, MAX_LEGS)),
     MAX_POPULATION,
     _part(TRAJECTORY, "ints", "trajectory_counts", "n n_pieces n_legs", "samples, pieces and legs of each trajectory"),
-    _part(TRAJECTORY, "ints", "trajectory_numbers", "id smooth begins lag feasible epoch valid_until",
-          "id, smooth (1 or 0), begins [ns], lag [ns], feasible (1 or 0), epoch, valid_until [samples]"),
+    _part(TRAJECTORY, "ints", "trajectory_numbers",
+          "id smooth begins lag feasible epoch looked met_at valid_until sure_until",
+          "id, smooth (1 or 0), begins [ns], lag [ns], feasible (1 or 0), epoch, looked, met_at, valid_until and "
+          "sure_until [samples]"),
     _part(TRAJECTORY, "floats", "trajectory_values",
-          "skipped duration curve_end rest_length rest_turn first_heading fitness t_collision changed drift_x drift_y",
+          "skipped duration curve_end rest_length rest_turn first_heading fitness t_collision "
+          "changed strayed drift_x drift_y",
           "skipped [s], duration [s], curve end [s], rest length [m], rest turn [rad], first heading [rad], fitness, "
-          "time of collision [s], changed [m], drift x [m], drift y [m]"),
-    _part(TRAJECTORY, "floats", "trajectory_slacks", "slack", "by how much anybody may come nearer [m]", endless=True),
+          "time of collision [s], changed [m], strayed [m], drift x [m], drift y [m]"),
+    _part(TRAJECTORY, "floats", "trajectory_slacks", "slack tight later",
+          "by how much they may come nearer up to valid_until, up to looked, after sure_until [m]", endless=True),
     _part(TRAJECTORY, "floats", "knot_times", "knot_time", "when each knot is passed [s], 9999 for never"),
     CountedPart(FormField("piece_kinds", "ints",
                           "0 straight, 1 curve, 2 turn on the spot; all pieces of all trajectories"),

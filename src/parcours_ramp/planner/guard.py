@@ -17,7 +17,7 @@ from parcours_ramp.planner.collision import collision_time, earliest_collision
 from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE
 from parcours_ramp.planner.parameters import GUARDED
 from parcours_ramp.planner.prediction import STANDS
-from parcours_ramp.planner.trajectory_evaluation import passes_up_to, remember
+from parcours_ramp.planner.trajectory_evaluation import known_up_to, remember
 
 # What the imminent-collision check looks at (===), at the instant `now` between two control cycles:
 #
@@ -52,42 +52,41 @@ def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int
 
 
 @kernel
-def is_known_to_pass(planner: Record, now: int, changed: float, parameters: Record) -> bool:
+def is_known_to_pass(planner: Record, now: int, epoch: Record, parameters: Record) -> bool:
     """Return whether the last look tells that the motion under way meets nobody.
 
     The published schedule has the robot set out at each look, so that obstacles are farther along at every sample.
     """
-    begins, _, last, _, _ = window(planner, now, parameters)
-    late = planner.fastest * (begins - planner.moving_on_looked) * 1e-9
-    up_to = passes_up_to(planner.moving_on, planner.epoch, changed + late, planner.drift_x, planner.drift_y)
-    return bool(last <= up_to)
+    begins, first, last, _, _ = window(planner, now, parameters)
+    late = epoch.fastest * (begins - planner.moving_on_looked) * 1e-9
+    begins += first * 100_000_000
+    up_to = known_up_to(planner.moving_on, begins, epoch, planner.drift_x, planner.drift_y, late)
+    return bool(last <= min(up_to, planner.moving_on.met_at))
 
 
 @kernel
-def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: float, parameters: Record) -> None:
+def evaluate_moving_on(planner: Record, predictions: Record, now: int, epoch: Record, parameters: Record) -> None:
     """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle.
 
     The guarded schedule looks farther ahead than it needs to, and remembers the slack that it found.
 
     Args:
         now: [ns].
-        changed: by how much these predictions have changed in this epoch [m]; inf if that is unknown.
+        epoch: EPOCH of these predictions.
     """
-    if planner.moving_on.n == 0 or len(predictions) == 0 or is_known_to_pass(planner, now, changed, parameters):
+    if planner.moving_on.n == 0 or len(predictions) == 0 or is_known_to_pass(planner, now, epoch, parameters):
         note_moving_on(planner, NO_COLLISION)
         return
     moving_on, drift_x, drift_y = planner.moving_on, planner.drift_x, planner.drift_y
     begins, first, last, margin, may_leave = window(planner, now, parameters)
-    if changed < np.inf:
+    if epoch.number > 0:
         ahead = _AHEAD if parameters.schedule == GUARDED else 0
-        hit, slack, valid_until = earliest_collision(
+        found = earliest_collision(
             moving_on, begins, first, last + ahead, predictions, drift_x, drift_y, margin, may_leave, parameters
         )
-        planner.moving_on_looked, planner.fastest = begins, 0.0
-        for k in range(len(predictions)):
-            planner.fastest = max(planner.fastest, abs(predictions[k].speed))
-        remember(moving_on, planner.epoch, changed, drift_x, drift_y, slack, valid_until)
-        note_moving_on(planner, hit * SAMPLE if hit < last else NO_COLLISION)
+        planner.moving_on_looked = begins
+        remember(moving_on, begins, last + ahead, found, predictions, epoch, drift_x, drift_y)
+        note_moving_on(planner, found[0] * SAMPLE if found[0] < last else NO_COLLISION)
         return
     t = collision_time(moving_on, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters)
     note_moving_on(planner, t)
@@ -126,9 +125,9 @@ def take_report(planner: Record, pose: Record, stamp: int, lag: int) -> None:
     planner.t_next += more
     for i in range(planner.n):
         planner.members[i].trajectory.begins += more
-    if planner.epoch > 0:
-        planner.epoch += 1
-        planner.changed = 0.0
+    if planner.epoch.number > 0:
+        planner.epoch.number += 1
+        planner.epoch.changed = planner.epoch.strayed = 0.0
 
 
 @kernel

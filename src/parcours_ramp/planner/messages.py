@@ -79,12 +79,27 @@ TRAJECTORY = np.dtype(
         ),  # 1 if joined without a stop; when it would begin, and the lag it allows for [ns]
         ("feasible", "i8"),
         *fields("f8", "fitness t_collision"),  # first predicted collision, from its start [s]; NO_COLLISION
-        # What the last look at the obstacles leaves known (see `passes_up_to`):
-        *fields("i8", "epoch valid_until"),  # its epoch, 0 for none; the sample up to which it was found to pass them
-        *fields("f8", "slack changed"),  # how much nearer they may come until then; how much the epoch had changed [m]
-        *fields("f8", "drift_x drift_y"),  # the drift with which that was found [m]
+        # What the last look at the obstacles leaves known (see `known_up_to`):
+        ("epoch", "i8"),  # the number of the EPOCH in which that was; 0 for none
+        *fields("i8", "looked met_at"),  # the sample up to which it looked; at which somebody is met, no less if nobody
+        *fields("i8", "valid_until sure_until"),  # ... up to which all are passed by far; up to which all are predicted
+        ("slack", "f8"),  # by how much the two may come nearer until `valid_until` [m]
+        ("tight", "f8"),  # how far off they may be while all that was found up to `looked` is found again [m]
+        ("later", "f8"),  # how far off obstacles may be after `sure_until` [m]
+        *fields("f8", "changed strayed drift_x drift_y"),  # of the EPOCH, and the drift, with which that was found [m]
     ]
 )  # A path with time, and what the evaluation says of it (RampTrajectory); `trajectory.samples` gives its samples
+
+EPOCH = np.dtype(
+    [
+        ("number", "i8"),  # another one whenever an obstacle does what was not predicted; 0 if none is known
+        ("changed", "f8"),  # by how much predictions have changed since, at most [m]
+        ("strayed", "f8"),  # the same, but for the ends of their ways [m]
+        ("ahead", "f8"),  # by how much these have strayed from the planner's own, if others made them [m]
+        ("fastest", "f8"),  # the greatest speed predicted [m/s]
+        ("stamp", "i8"),  # when the last ones were made [ns]
+    ]
+)  # What has become of the predictions of all obstacles while these do what was predicted
 
 NO_COLLISION = 9999.0  # The collision time of a trajectory that meets nobody [s]
 

@@ -228,7 +228,7 @@ class Planner:
             predict(obstacles.states[k], obstacles.stamp, fresh[k])
         planner.knows_obstacles = 1
         compensate(planner, self._parameters)
-        evaluate_moving_on(planner, fresh, now, np.inf, self._parameters)
+        evaluate_moving_on(planner, fresh, now, planner.epoch, self._parameters)
         if not is_imminent(planner, now, self._parameters):
             return False
         planner.halted = 1

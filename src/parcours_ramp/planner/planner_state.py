@@ -8,6 +8,7 @@ from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
 from parcours.streams import below
 from parcours_ramp.planner.messages import (
+    EPOCH,
     MAX_POPULATION,
     MEMBER,
     MODIFICATION,
@@ -30,7 +31,6 @@ PLANNER = np.dtype(
         ("moving_on_hit", "i8"),  # 1 if its guarded part met an obstacle when it was last evaluated
         ("moving_on_t", "f8"),  # when it would [s]
         ("moving_on_looked", "i8"),  # when the robot was taken to set out, in the last look at all obstacles [ns]
-        ("fastest", "f8"),  # the greatest speed predicted of them [m/s]
         *fields("i8", "t_control t_next"),  # last and next control cycle [ns]
         ("anchor", POSE),  # the state expected after the longest period, where paths begin
         ("switch", POSE),  # the state expected at the next control cycle, where trajectories begin
@@ -45,12 +45,12 @@ PLANNER = np.dtype(
             "i8", "halted rested"
         ),  # 1 during imminent collision; 1 if the population then begins at rest at the robot
         ("knows_obstacles", "i8"),
-        ("epoch", "i8"),  # a new number whenever an obstacle does what was not predicted; 0 at first
-        ("changed", "f8"),  # by how much predictions have changed since, at most [m]
+        ("epoch", EPOCH),  # of the planner's predictions
         *fields("f8", "near_direction near_distance"),  # to the nearest obstacle [rad], [m] between centres
         *fields("i8", "n_switches followed"),  # control cycles that chose another member; the id of the member followed
         ("stream", "u8", (1,)),
         # Working memory:
+        ("next_epoch", EPOCH),
         ("candidate", MEMBER),
         ("work_path", PATH),
         ("request", MODIFICATION),
@@ -71,8 +71,8 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
     planner.halted = planner.rested = planner.knows_obstacles = planner.n_switches = 0
     planner.drift_x = planner.drift_y = 0.0
     planner.dragged = 0
-    planner.epoch = 0
-    planner.changed = 0.0
+    planner.epoch.number = planner.epoch.stamp = 0
+    planner.epoch.changed = planner.epoch.strayed = planner.epoch.ahead = planner.epoch.fastest = 0.0
     planner.near_direction, planner.near_distance = 0.0, NO_COLLISION
     planner.latest = pose
     planner.anchor = pose

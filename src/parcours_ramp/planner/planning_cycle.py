@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, below
-from parcours_ramp.planner.late_evaluation import catch_up, catch_up_with_best, evaluate_member
+from parcours_ramp.planner.late_evaluation import catch_up_with_best, evaluate_member, is_fitter
 from parcours_ramp.planner.messages import copy_path
 from parcours_ramp.planner.parameters import ORIGINAL
 from parcours_ramp.planner.path_modification import CROSSOVER, MOVE, OPERATORS, applies, modify
@@ -110,11 +110,8 @@ def offer_candidate(planner: Record, predictions: Record, parameters: Record) ->
         return
     best = catch_up_with_best(planner, predictions, parameters)
     victim, other = draw_victims(members, n, best, candidate.trajectory.feasible, planner.stream)
-    if other >= 0 and other != victim:
-        catch_up(planner, members[victim], predictions, parameters)
-        catch_up(planner, members[other], predictions, parameters)
-        if members[other].trajectory.fitness < members[victim].trajectory.fitness:
-            victim = other
+    if other not in (-1, victim) and is_fitter(planner, members[victim], members[other], predictions, parameters):
+        victim = other
     if victim >= 0:
         copy_member(members[victim], candidate)
 

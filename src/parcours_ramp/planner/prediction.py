@@ -33,10 +33,23 @@ def predicted_place(prediction: Record, place: float) -> tuple[float, float]:
 
 
 @kernel
-def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
-    """Return by how much the prediction changes at most, at any time, when it is made again; inf if that is unknown.
+def coarseness(prediction: Record) -> float:
+    """Return by how much two predictions of one motion may differ as each is straight from sample to sample [m]."""
+    return float(0.25 * abs(prediction.speed * prediction.turn) * SAMPLE * SAMPLE)
 
-    As long as the obstacle does as predicted, only the end of its way becomes known: that much it goes on [m].
+
+@kernel
+def predicted_until(prediction: Record, begins: int) -> float:
+    """Return up to which sample of what begins then [ns] the way is predicted; inf for an obstacle that stands."""
+    return prediction.n - 1.0 - (begins - prediction.stamp) * 1e-9 / SAMPLE if prediction.n > 1 else np.inf
+
+
+@kernel
+def change_of(prediction: Record, obstacle: Record, stamp: int) -> tuple[float, float]:
+    """Return by how much the prediction changes at most when it is made again [m]; inf if that is unknown.
+
+    The first is up to the end of its way, but for its coarseness, and as long as the obstacle does as predicted next to
+    nothing; the second is at any time. Of that way the end becomes known: that much it goes on.
 
     Args:
         stamp: when that was sensed [ns].
@@ -44,9 +57,10 @@ def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
     pose = obstacle.pose
     speed = pose.v if abs(pose.v) >= STANDS else 0.0
     if speed != prediction.speed or (speed != 0.0 and pose.w != prediction.turn):
-        return np.inf
+        return np.inf, np.inf
     if speed == 0.0:
-        return float(max(abs(pose.x - prediction.x[0]), abs(pose.y - prediction.y[0])) * 1.5)
+        strayed = max(abs(pose.x - prediction.x[0]), abs(pose.y - prediction.y[0])) * 1.5
+        return strayed, strayed
     elapsed = (stamp - prediction.stamp) * 1e-9
     s0, c0 = prediction.s, prediction.c
     x, y = prediction.x[0] + speed * elapsed * c0, prediction.y[0] + speed * elapsed * s0
@@ -57,10 +71,8 @@ def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
         x = prediction.x[0] + speed / pose.w * (s1 - s0)
         y = prediction.y[0] - speed / pose.w * (c1 - c0)
     turned = abs(wrap(turned))
-    moved = 1.5 * max(abs(pose.x - x), abs(pose.y - y))
-    way = abs(speed) * SAMPLE * HORIZON
-    sampled = abs(pose.w) * SAMPLE * abs(speed) * SAMPLE  # chords between samples against the arc, twice, and more
-    return float(moved + turned * way + abs(speed) * elapsed + sampled)
+    strayed = 1.5 * max(abs(pose.x - x), abs(pose.y - y)) + turned * abs(speed) * SAMPLE * HORIZON
+    return strayed, strayed + abs(speed) * elapsed
 
 
 @kernel

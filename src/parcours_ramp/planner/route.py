@@ -12,7 +12,7 @@ import numpy as np
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.corner import corner_rate, corner_speed
-from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, TURN, fields
+from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, SAMPLE, TURN, fields
 from parcours_ramp.planner.profile import reachable
 
 # A hybrid way: turn on the spot if the robot stands, then straight - rounded corner - straight.
@@ -47,6 +47,10 @@ ROUTE = np.dtype(
         ("rest", "i8"),  # the knot from which on it is only estimated; 0 if it is whole
         ("rest_heading", "f8"),  # the heading there [rad]
         *fields("f8", "rest_length rest_turn first_heading"),  # as in TRAJECTORY
+        *fields("i8", "n_entry next"),  # of a way that is entered: pieces so far; the knot it leads to,
+        *fields(
+            "f8", "at_x at_y at_heading at_s at_c before"
+        ),  # from where [m], [rad] and its sine, cosine; how far [m]
     ]
 )  # The pieces of a way
 
@@ -56,8 +60,11 @@ NEAR = 0.01
 GENTLE = 0.3  # Heading change up to which no stop is needed [rad]
 SLOW_CORNER = 0.4  # A corner that cannot be driven at this share of the top speed is not rounded
 SHORTEST_LEG = 0.1  # A rounded corner needs segments of at least this length [m]
-_LAID, _IMPOSSIBLE, _NEEDS_STOP = 0, 1, 2  # What comes of laying one kind of way
-_BENT = 0.93  # Square of the cosine of an angle that is a corner even if the way to it begins with a curve
+LAID, IMPOSSIBLE, ENTERED = range(3)
+"""What comes of laying one kind of way: it is laid, it cannot be, or it has been entered."""
+NEVER, IF_NEEDED, ALWAYS = range(3)
+"""When a way that is entered begins with a stop."""
+_GENTLE_COSINE = 0.95  # of an angle above GENTLE
 
 
 @kernel
@@ -126,6 +133,29 @@ def _speeds(route: Record, v0: float, acceleration: float) -> bool:
 
 
 @kernel
+def is_too_sharp(before: float, after: float, ahead: float, aside: float, first: bool, parameters: Record) -> bool:
+    """Return whether the corner between two segments of these lengths [m] needs rounding and is far too sharp for it.
+
+    That is told by the yaw limits of `corner_rate` in squares, long before any angle is known.
+
+    Args:
+        ahead: how far the segment `after` leads in the direction of the one before [m]; `aside`: across it.
+        first: whether it is the first corner, which must be rounded even if it is gentle.
+    """
+    if ahead > _GENTLE_COSINE * after and not (first and abs(aside) > 1.01 * NEAR * after):
+        return False
+    shorter = min(before, after)
+    longest, least = (1.0 - 0.1) * shorter, 0.999 * SLOW_CORNER * parameters.v_max
+    cosine = ahead / after
+    turns = longest * parameters.w_max * 0.5 * (1.0 + cosine)
+    return bool(
+        shorter < SHORTEST_LEG
+        or turns * turns < least * least * 0.5 * (1.0 - cosine)
+        or longest * 2.0 * 0.875 * parameters.alpha_max * SAMPLE * after < least * abs(aside)
+    )
+
+
+@kernel
 def _round_corner(
     before: float, after: float, turn: float, v: float, early: bool, parameters: Record
 ) -> tuple[float, float]:
@@ -155,16 +185,29 @@ def _round_corner(
 
 
 @kernel
-def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Record, route: Record) -> int:
-    """Lay the pieces of one kind of way; return _LAID, _IMPOSSIBLE, or _NEEDS_STOP if no kind is possible without."""
+def is_near(path: Record, k: int, x: float, y: float) -> bool:
+    """Return whether knot k of the PATH counts as the point (x, y) [m]."""
+    return bool((path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR)
+
+
+@kernel
+def enter(path: Record, first: int, pose: Record, stop: int, parameters: Record, route: Record) -> int:
+    """Begin a way from the state `pose` towards the knot `first` of the PATH, up to where it leads straight there.
+
+    Args:
+        stop: when a moving robot stops and rotates: NEVER, IF_NEEDED, or ALWAYS. Then `smooth` is 0.
+
+    Returns:
+        ENTERED if `go_on` can go on from there; else LAID (there is nowhere to go) or IMPOSSIBLE.
+    """
     route.n = 0
     route.smooth = 1
     route.rest = 0
     x, y, heading = pose.x, pose.y, pose.heading
     v = pose.v if pose.v >= NEAR else 0.0
     last = path.n - 1
-    k = 1
-    while k < last and (path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR:
+    k = first
+    while k < last and is_near(path, k, x, y):
         k += 1
     route.first_heading = heading
     to_x, to_y = path.x[k] - x, path.y[k] - y
@@ -172,12 +215,12 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
     if k > last or before < NEAR:
         s, c = sin_cos(heading)
         _add_line(route, x, y, heading, s, c, 0.0, parameters.v_max)
-        return _LAID if v < NEAR and _speeds(route, v, parameters.a_max) else _IMPOSSIBLE
+        return LAID if v < NEAR and _speeds(route, v, parameters.a_max) else IMPOSSIBLE
     route.first_heading = atan2(to_y, to_x)
     turn = wrap(route.first_heading - heading)
-    if v >= NEAR and (stop_first or abs(turn) > GENTLE):
-        if not stop_first:
-            return _NEEDS_STOP
+    if v >= NEAR and (stop == ALWAYS or abs(turn) > GENTLE):
+        if stop == NEVER:
+            return IMPOSSIBLE
         way = 0.5 * v * v / parameters.a_max
         s, c = sin_cos(heading)
         _add_line(route, x, y, heading, s, c, way, parameters.v_max)
@@ -194,14 +237,14 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         heading = route.first_heading
     else:
         if v < SLOW_CORNER * parameters.v_max:
-            return _IMPOSSIBLE
+            return IMPOSSIBLE
         leg = min(0.3, 0.4 * before)
         s, c = sin_cos(heading)
         to_x, to_y = to_x - leg * c, to_y - leg * s
         turn = wrap(atan2(to_y, to_x) - heading)
         speed = corner_speed(leg, turn, parameters)
         if speed < v:
-            return _IMPOSSIBLE
+            return IMPOSSIBLE
         i = _add_curve(route, x, y, heading, s, c, leg, turn, speed)
         after = np.sqrt(to_x * to_x + to_y * to_y)
         route.to_s[i], route.to_c[i] = to_y / after, to_x / after
@@ -209,14 +252,30 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         before = after - leg
         to_x, to_y = before * route.to_c[i], before * route.to_s[i]
         heading = wrap(heading + turn)
-    s, c = sin_cos(heading) if before < NEAR else (to_y / before, to_x / before)
-    corners = 2 if kind == TRANSITION else 1
+    route.n_entry, route.next = route.n, k
+    route.at_x, route.at_y, route.at_heading, route.before = x, y, heading, before
+    route.at_s, route.at_c = sin_cos(heading) if before < NEAR else (to_y / before, to_x / before)
+    return ENTERED
+
+
+@kernel
+def go_on(path: Record, v: float, kind: int, parameters: Record, route: Record) -> int:
+    """Lay one kind of way along the PATH from where the ROUTE was entered at speed v [m/s]; return LAID or IMPOSSIBLE.
+
+    What `enter` has left is kept, so that ways of several kinds can be tried.
+    """
+    route.n, k = route.n_entry, route.next
+    route.rest = 0
+    x, y, heading, s, c, before = route.at_x, route.at_y, route.at_heading, route.at_s, route.at_c, route.before
+    v = v if v >= NEAR else 0.0
+    last = path.n - 1
+    corners = 0 if kind == HOLONOMIC else (2 if kind == TRANSITION else 1)
     first = True
     while True:
         # The way is at (x, y), `before` metres from knot k in the direction (c, s), which is that of the heading.
         px, py = path.x[k], path.y[k]
         following = k + 1
-        while following <= last and (path.x[following] - px) ** 2 + (path.y[following] - py) ** 2 < NEAR * NEAR:
+        while following <= last and is_near(path, following, px, py):
             following += 1
         if following > last:
             i = _add_line(route, x, y, heading, s, c, before, parameters.v_max)
@@ -224,14 +283,17 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
             break
         after_x, after_y = path.x[following] - px, path.y[following] - py
         after = np.sqrt(after_x * after_x + after_y * after_y)
-        turn = atan2(c * after_y - s * after_x, c * after_x + s * after_y)
+        ahead, aside = c * after_x + s * after_y, c * after_y - s * after_x
+        if corners > 0 and is_too_sharp(before, after, ahead, aside, first, parameters):
+            return IMPOSSIBLE
+        turn = atan2(aside, ahead)
         leg, speed = 0.0, 0.0
         if abs(turn) > NEAR and kind != HOLONOMIC:
             if corners > 0:
                 early = kind == TRANSITION and first
                 leg, speed = _round_corner(before, after, turn, v if first else 0.0, early, parameters)
                 if leg == 0.0 and (first or abs(turn) > GENTLE):
-                    return _IMPOSSIBLE
+                    return IMPOSSIBLE
                 corners -= 1
             elif abs(turn) <= GENTLE:
                 leg = min(0.3, 0.4 * min(before, after))
@@ -254,7 +316,7 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
             route.to_s[i], route.to_c[i] = s, c
         x, y, before = px + leg * c, py + leg * s, after - leg
         k = following
-    return _LAID if _speeds(route, v, parameters.a_max) else _IMPOSSIBLE
+    return LAID if _speeds(route, v, parameters.a_max) else IMPOSSIBLE
 
 
 @kernel
@@ -274,29 +336,6 @@ def _estimate_rest(path: Record, route: Record) -> None:
 
 
 @kernel
-def is_cramped(path: Record, first: int, pose: Record) -> bool:
-    """Return whether a corner at the knot `first` of the PATH, next after `pose`, leaves no room to round it.
-
-    Then `can_switch` returns False; this tells sooner.
-    """
-    if path.n < first + 2:
-        return False
-    x, y = path.x[first] - pose.x, path.y[first] - pose.y
-    after_x, after_y = path.x[first + 1] - path.x[first], path.y[first + 1] - path.y[first]
-    before, after = x * x + y * y, after_x * after_x + after_y * after_y
-    least, short = 1.001 * NEAR * NEAR, 0.999 * SHORTEST_LEG * SHORTEST_LEG
-    along = x * after_x + y * after_y
-    is_corner = along < 0.0 or along * along < _BENT * before * after
-    return bool(is_corner and least < before and least < after and (before < short or after < short))
-
-
-@kernel
-def can_switch(path: Record, pose: Record, parameters: Record, route: Record) -> bool:
-    """Return whether the PATH can be joined from the state `pose` without a stop; `route` is working memory."""
-    return bool(_lay(path, pose, TRANSITION, False, parameters, route) == _LAID)
-
-
-@kernel
 def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route: Record) -> None:
     """Lay the way along the path from the state `pose`: the asked kind if it can be, else with stops to rotate.
 
@@ -305,18 +344,20 @@ def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route:
         pose: POSE the robot has there; its speed need not be zero.
         route: ROUTE that is filled. `smooth` is 0 if the robot must stop and rotate before it can follow the way.
     """
-    needs_stop, cramped = False, kind == TRANSITION and is_cramped(path, 1, pose)
-    for attempt in range(4):
-        if (needs_stop and attempt < 2) or (cramped and attempt == 0):
-            continue
-        tried = kind if attempt == 0 or kind == HOLONOMIC else (HYBRID if attempt == 2 else HOLONOMIC)
-        laid = _lay(path, pose, tried, attempt >= 2, parameters, route)
-        needs_stop = laid == _NEEDS_STOP
-        if laid == _LAID:
-            if attempt == 1 and kind == TRANSITION:
-                route.smooth = 0
+    for stop in range(IF_NEEDED, ALWAYS + 1):
+        laid = enter(path, 1, pose, stop, parameters, route)
+        stops = stop == ALWAYS or route.smooth == 0
+        if laid == ENTERED:
+            laid = go_on(path, pose.v, HYBRID if stops and kind == TRANSITION else kind, parameters, route)
+            if laid != LAID and kind != HOLONOMIC:
+                laid = go_on(path, pose.v, HOLONOMIC, parameters, route)
+                if laid == LAID and not stops and kind == TRANSITION:
+                    route.smooth = 0
+        if laid == LAID:
             _estimate_rest(path, route)
             return
+        if stops:
+            break
     # Only standing at the goal, or so near that braking overshoots it, is left: brake and stay.
     route.n = 0
     s, c = sin_cos(pose.heading)

@@ -42,12 +42,20 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
 
 
 @kernel
-def changes_of(planner: Record, predictions: Record, obstacles: Record, stamp: int) -> float:
-    """Return by how much the predictions change at most if made of the obstacles as sensed now [m]; inf if unknown."""
-    changes = np.inf if planner.epoch == 0 else 0.0
+def look_on(planner: Record, predictions: Record, obstacles: Record, stamp: int) -> None:
+    """Set planner.next_epoch to the EPOCH of predictions made of the obstacles as sensed at `stamp` [ns].
+
+    Its number is 0 if an obstacle does what was not predicted.
+    """
+    epoch, following = planner.epoch, planner.next_epoch
+    strayed = changed = fastest = 0.0
     for k in range(len(obstacles)):
-        changes = max(changes, change_of(predictions[k], obstacles[k], stamp))
-    return changes
+        along, anywhere = change_of(predictions[k], obstacles[k], stamp)
+        strayed, changed = max(strayed, along), max(changed, anywhere)
+        fastest = max(fastest, abs(obstacles[k].pose.v))
+    following.number = epoch.number if changed < np.inf else 0
+    following.changed, following.strayed = epoch.changed + changed, epoch.strayed + strayed
+    following.ahead, following.fastest, following.stamp = strayed, fastest, stamp
 
 
 @kernel
@@ -62,16 +70,16 @@ def sensing_cycle(
     evaluates = evaluates_population(planner, now)
     if not evaluates:
         catch_up_with_all(planner, predictions, parameters)
-    changes = changes_of(planner, predictions, obstacles, stamp)
+    look_on(planner, predictions, obstacles, stamp)
     for k in range(len(obstacles)):
         predict(obstacles[k], stamp, predictions[k])
-    if changes < np.inf:
-        planner.changed += changes
-    else:
-        planner.epoch += 1
-        planner.changed = 0.0
+    if planner.next_epoch.number == 0:
+        planner.next_epoch.number = planner.epoch.number + 1
+        planner.next_epoch.changed = planner.next_epoch.strayed = 0.0
+    planner.next_epoch.ahead = 0.0
+    planner.epoch = planner.next_epoch
     note_nearest(planner, obstacles)
     if evaluates:
         evaluate_population(planner, predictions, parameters)
-    evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
+    evaluate_moving_on(planner, predictions, now, planner.epoch, parameters)
     return evaluates

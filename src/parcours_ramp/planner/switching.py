@@ -10,7 +10,7 @@ from __future__ import annotations
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.messages import MAX_KNOTS, SAMPLE
 from parcours_ramp.planner.parameters import ORIGINAL
-from parcours_ramp.planner.route import TRANSITION, can_switch, is_cramped
+from parcours_ramp.planner.route import ENTERED, IMPOSSIBLE, LAID, NEVER, TRANSITION, enter, go_on, is_near
 from parcours_ramp.planner.trajectory import pose_at
 from parcours_ramp.planner.trajectory_generator import generate
 
@@ -79,18 +79,25 @@ def earliest_switch(planner: Record, followed: int, latest: int, parameters: Rec
     Args:
         followed: the index of the member that moving_on comes from, which needs no switch.
     """
+    route, switch = planner.route, planner.switch
     earliest = latest
     for i in range(planner.n):
         planner.members[i].switches = 1 if i != followed else 0
     for k in range(latest - 1, first_possible(planner) - 1, -1):
         if not may_leave_at(planner, k, parameters):
             continue
+        entered, is_shared = IMPOSSIBLE, False
         for i in range(planner.n):
             member = planner.members[i]
-            if member.switches == 0 or (member.path.n < MAX_KNOTS and is_cramped(member.path, 0, planner.switch)):
+            path = member.path
+            if member.switches == 0:
                 continue
-            switch_path(member.path, planner.switch, TRANSITION, planner.work_path)
-            if can_switch(planner.work_path, planner.switch, parameters, planner.route):
+            if not is_shared or path.n == MAX_KNOTS:
+                entered = enter(path, 0 if path.n < MAX_KNOTS else 1, switch, NEVER, parameters, route)
+                # Paths begin at one anchor: if all lead to it first, all are entered alike.
+                is_shared = path.n < MAX_KNOTS and not is_near(path, 0, switch.x, switch.y)
+            laid = go_on(path, switch.v, TRANSITION, parameters, route) if entered == ENTERED else entered
+            if laid == LAID:
                 member.switches = 0
                 earliest = k
     return earliest

@@ -10,7 +10,7 @@ import numpy as np
 
 from parcours.elementary import atan2, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.corner import corner_length, place_on_corner, shape_corner
+from parcours_ramp.planner.corner import place_on_corner, shape_corner
 from parcours_ramp.planner.messages import (
     CURVE,
     LINE,
@@ -46,15 +46,14 @@ def time_route(route: Record, parameters: Record, trajectory: Record) -> None:
         v0 = 0.0 if kind == TURN else route.v_in[i]
         v1 = 0.0 if kind == TURN else route.v_in[i + 1]
         cap = parameters.w_max if kind == TURN else (route.v_in[i] if kind == CURVE else route.cap[i])
-        length = corner_length(route.leg[i], route.angle[i]) if kind == CURVE else route.length[i]
-        peak, up, hold, down = trapezoid(length, v0, v1, cap, rate)
-        clock += up + hold + down
         piece.kind, piece.x, piece.y, piece.heading = kind, route.x[i], route.y[i], route.heading[i]
         piece.s, piece.c = route.s[i], route.c[i]
-        piece.length, piece.leg, piece.angle = length, route.leg[i], route.angle[i]
+        piece.length, piece.leg, piece.angle = route.length[i], route.leg[i], route.angle[i]
         if kind == CURVE:
             piece.to_s, piece.to_c = route.to_s[i], route.to_c[i]
             shape_corner(piece)
+        peak, up, hold, down = trapezoid(piece.length, v0, v1, cap, rate)
+        clock += up + hold + down
         piece.v0, piece.peak, piece.rate = v0, peak, rate
         piece.up, piece.hold, piece.down, piece.end = up, hold, down, clock
         _outline(piece, up + hold + down, trajectory)
@@ -236,8 +235,11 @@ def copy_trajectory(target: Record, source: Record, first: int) -> None:
     target.begins, target.lag = source.begins + first * 100_000_000, source.lag
     target.feasible, target.fitness = source.feasible, source.fitness
     target.t_collision = source.t_collision
-    target.epoch, target.slack, target.changed = source.epoch, source.slack, source.changed
-    target.valid_until = max(source.valid_until - first, 0)
+    target.epoch = source.epoch if first == 0 else 0  # what the last look found counts from the old start
+    target.looked, target.met_at = source.looked, source.met_at
+    target.valid_until, target.sure_until = source.valid_until, source.sure_until
+    target.slack, target.tight, target.later = source.slack, source.tight, source.later
+    target.changed, target.strayed = source.changed, source.strayed
     target.drift_x, target.drift_y = source.drift_x, source.drift_y
 
 

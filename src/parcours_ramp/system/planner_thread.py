@@ -14,15 +14,17 @@ from parcours_ramp.planner.guard import (
     evaluate_moving_on,
     is_imminent,
     is_known_to_pass,
+    note_moving_on,
     speed_limit,
     take_report,
 )
 from parcours_ramp.planner.late_evaluation import catch_up_with_all
 from parcours_ramp.planner.latency import draw
+from parcours_ramp.planner.messages import NO_COLLISION
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planning_cycle import compensate, planning_cycle
 from parcours_ramp.planner.prediction import predict
-from parcours_ramp.planner.sensing_cycle import changes_of, sensing_cycle
+from parcours_ramp.planner.sensing_cycle import look_on, sensing_cycle
 from parcours_ramp.system.ramp_facts import TRANSITIONS
 from parcours_ramp.system.workspace import FAR, post
 
@@ -132,13 +134,16 @@ def guard(
     work.limit = limit
     if not planner.halted:
         stamp = work.obstacle_stamp
-        changed = planner.changed + changes_of(planner, predictions, seen, stamp)
+        look_on(planner, predictions, seen, stamp)
+        epoch = planner.next_epoch
         planner.knows_obstacles = 1
         compensate(planner, parameters)
-        if not is_known_to_pass(planner, now, changed, parameters):
+        if is_known_to_pass(planner, now, epoch, parameters):
+            note_moving_on(planner, NO_COLLISION)
+        else:
             for k in range(len(seen)):
                 predict(seen[k], stamp, guarded[k])
-        evaluate_moving_on(planner, guarded, now, changed, parameters)
+            evaluate_moving_on(planner, guarded, now, epoch, parameters)
         halts = is_imminent(planner, now, parameters)
     if not changes and not halts:
         return
