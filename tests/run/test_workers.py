@@ -13,7 +13,8 @@ import pytest
 
 from parcours.run.heartbeat import write_place
 from parcours.run.keeper import MOST_PROCESSES
-from parcours.run.workers import Crew, Done, Lost, failure_of, tell
+from parcours.run.serving import tell
+from parcours.run.workers import Crew, Done, Lost, failure_of
 
 
 def _odd(item: int) -> int:

@@ -12,7 +12,8 @@ from parcours.report.pieces import Cell, Column, Table
 from parcours.run import canaries as canaries
 from parcours.run.exception_text import is_ctrl_c
 from parcours.run.limiting import limited
-from parcours.run.workers import Crew, Done, Lost, failure_of, tell
+from parcours.run.serving import tell
+from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.checking import batches, conduct, form, geometry, memory
 from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning
 from parcours_navigation.checking.subject import Subject, load_subject

@@ -18,9 +18,9 @@ from parcours.errors import BadRequest
 from parcours.kernels import require_numba
 from parcours.run import canaries as canaries
 from parcours.run.heartbeat import LostCase
+from parcours.run.serving import is_worker
 from parcours.run.store import Campaign
 from parcours.run.strangers import computed
-from parcours.run.workers import is_worker
 from parcours.study.campaign.running import Chosen
 from parcours.study.loading import SourceFile
 from parcours_navigation.arena.solvability import UNSOLVABLE

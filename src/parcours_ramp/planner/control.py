@@ -30,7 +30,7 @@ CONTROL = np.dtype(
         ("paused", "i8"),  # 1 while the robot is held
         ("limit", "f8"),  # how fast it may drive now [m/s]
         ("lag", "i8"),  # by how much limits have delayed it so far [ns]
-        ("reference", POSE),  # working memory
+        ("reference", POSE),  # where it is to be by the plan; when replaying, one sample after `replayed`
         ("replayed", "i8"),  # the sample that was last replayed of this trajectory; -1 for none
         *fields("f8", "here there"),  # the headings planned at that sample, and at the one after it [rad]
         ("command_v", "f8"),  # [m/s]

@@ -17,6 +17,7 @@ from parcours.kernels import Record, kernel
 from parcours_ramp.planner.messages import SAMPLE
 
 _STEEPEST = math.sqrt(0.2)
+AT_ONCE = 0.875  # Share of what the yaw rate may change by in a sample that the beginning of a corner takes
 
 
 @kernel
@@ -34,7 +35,7 @@ def corner_rate(turn: float, parameters: Record) -> float:
     # Curvature begins at once: within one sample the yaw rate may change by alpha_max * SAMPLE, an eighth of which is
     # left for the climb within that sample. In between curvature changes with the way by 3 s^2 c^2 x / (d^2 r^6),
     # most where x^2 = 1/5, or at the ends of a corner too flat to have such a place.
-    rate = min(parameters.w_max * c * c / s, 0.875 * parameters.alpha_max * SAMPLE / (s * c))
+    rate = min(parameters.w_max * c * c / s, AT_ONCE * parameters.alpha_max * SAMPLE / (s * c))
     steepest = _STEEPEST if s > _STEEPEST * c else s / c
     r_square = c * c * (1.0 + steepest * steepest)
     climbs, may_climb = 3.0 * s * s * c * c * steepest, parameters.alpha_max * r_square * r_square * r_square

@@ -48,8 +48,8 @@ def predicted_until(prediction: Record, begins: int) -> float:
 def change_of(prediction: Record, obstacle: Record, stamp: int) -> tuple[float, float]:
     """Return by how much the prediction changes at most when it is made again [m]; inf if that is unknown.
 
-    The first is up to the end of its way, but for its coarseness, and as long as the obstacle does as predicted next to
-    nothing; the second is at any time. Of that way the end becomes known: that much it goes on.
+    The first holds until the predicted way ends, apart from its coarseness, and is next to nothing while the obstacle
+    does as predicted. The second holds at any time: whenever the prediction is made again, its way ends farther on.
 
     Args:
         stamp: when that was sensed [ns].

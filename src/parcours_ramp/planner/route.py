@@ -11,7 +11,7 @@ import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.corner import corner_rate, corner_speed
+from parcours_ramp.planner.corner import AT_ONCE, corner_rate, corner_speed
 from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, SAMPLE, TURN, fields
 from parcours_ramp.planner.profile import reachable
 
@@ -151,7 +151,7 @@ def is_too_sharp(before: float, after: float, ahead: float, aside: float, first:
     return bool(
         shorter < SHORTEST_LEG
         or turns * turns < least * least * 0.5 * (1.0 - cosine)
-        or longest * 2.0 * 0.875 * parameters.alpha_max * SAMPLE * after < least * abs(aside)
+        or longest * 2.0 * AT_ONCE * parameters.alpha_max * SAMPLE * after < least * abs(aside)
     )
 
 

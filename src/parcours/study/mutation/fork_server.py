@@ -26,7 +26,8 @@ from parcours.errors import HostFailure
 from parcours.kernels import keep_kernels_in, kernel_cache
 from parcours.model.checking import errors
 from parcours.run.heartbeat import write_place
-from parcours.run.workers import Crew, Done, Lost, failure_of, tell
+from parcours.run.serving import tell
+from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours.study.components.isolation import longest
 from parcours.study.mutation.models import model_mutants
 from parcours.study.mutation.observing import (
