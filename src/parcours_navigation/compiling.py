@@ -52,14 +52,14 @@ def _worlds() -> None:
 
 
 PARTS = {
-    "worlds": CompiledPart(_worlds, 30.0),
-    "ORCA": CompiledPart(partial(_planner, "orca"), 1.0),
-    "DWA": CompiledPart(partial(_planner, "dwa"), 2.0),
-    "MPPI": CompiledPart(partial(_planner, "mppi"), 4.0),
-    "requirements": CompiledPart(_requirements, 6.0),
-    "MPC": CompiledPart(partial(_planner, "mpc"), 10.0),
-    "TEB": CompiledPart(partial(_planner, "teb"), 8.0),
-    "A*": CompiledPart(_route, 4.0),
-    "solvability": CompiledPart(_oracle, 5.0),
+    "worlds": CompiledPart(_worlds, 16.0),
+    "ORCA": CompiledPart(partial(_planner, "orca"), 0.5),
+    "DWA": CompiledPart(partial(_planner, "dwa"), 0.6),
+    "MPPI": CompiledPart(partial(_planner, "mppi"), 1.7),
+    "requirements": CompiledPart(_requirements, 3.0),
+    "MPC": CompiledPart(partial(_planner, "mpc"), 4.5),
+    "TEB": CompiledPart(partial(_planner, "teb"), 3.5),
+    "A*": CompiledPart(_route, 1.8),
+    "solvability": CompiledPart(_oracle, 2.5),
 }
 """Name -> part (entry points `parcours.compiled`)."""

@@ -11,7 +11,6 @@ from parcours.kernels import Record, kernel
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
-from parcours_navigation.requirements.kernel import judge as judge_track
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.requirements.user_measures import CaseRun
 from parcours_navigation.stage import moving
@@ -60,8 +59,8 @@ def conclude(
     if monitor is None:
         return ()
     if monitor.program.roots.size:
-        results = judge(memories, monitor, bodies, float(last.robot_radius), (float(x), float(y)))
-        monitor.results.update(zip([each.number for each in staged], results, strict=True))
+        for memory, each in zip(memories, staged, strict=True):
+            monitor.results[each.number] = _judge(memory, monitor, float(last.robot_radius), (float(x), float(y)))
     if not monitor.measures:
         return ()
     goals = tuple(each.goal for each in (one.task, *one.goals))
@@ -72,35 +71,14 @@ def conclude(
     )  # fmt: skip
 
 
-def judge(memories: Floats, monitor: Monitor, bodies: int, robot_radius: float, goal: tuple[float, float]) -> Floats:
-    """Return the robustness of each requirement up to now, and when it is decided [s], shape (n, 2, n_requirements)."""
-    program, results = monitor.program, np.empty((len(memories), 2, len(monitor.program.roots)))
-    _judge_all(
-        memories, robot_radius, *goal, np.empty(bodies), np.empty(ROW + 2 * bodies), program.code, program.roots,
-        program.wanted, monitor.memory, monitor.absent, results,
-    )  # fmt: skip
-    return results
-
-
-@kernel
-def _judge_all(
-    memories: Floats, robot_radius: float, x: float, y: float, radii: Floats, last: Floats, code: Ints, roots: Ints,
-    wanted: Ints, memory: Floats, absent: Ints, results: Floats,
-) -> None:  # fmt: skip
-    """Judge each case as `judge_track` does; `radii` and `last` have room for all bodies."""
-    for k in range(len(memories)):
-        case = memories[k]
-        stage = case[AT_STAGE:AT_WORLD].view(STAGE)[0]
-        obstacles, row = obstacles_of(case, stage), ROW + 2 * stage.n
-        for j in range(stage.n):
-            radii[j] = obstacles[j].radius
-        moving.present(case, last)
-        if not stage.plain:
-            last[ROW - 1] = ground_gap(case)
-        entries = case[stage.at_track : stage.at_track + stage.n_track * row].reshape(stage.n_track, row)
-        judge_track(
-            entries, last, radii, robot_radius, x, y, code, roots, wanted, memory, absent, results[k, 0], results[k, 1]
-        )
+def _judge(memory: Floats, monitor: Monitor, robot_radius: float, goal: tuple[float, float]) -> Floats:
+    """Return what `Monitor.judge` finds in a case up to now."""
+    entries, bodies = recorded(memory)
+    last, radii = np.empty(ROW + 2 * bodies), np.empty(bodies)
+    moving.present(memory, last, radii)
+    if not memory[AT_STAGE:AT_WORLD].view(STAGE)[0]["plain"]:
+        last[ROW - 1] = ground_gap(memory)
+    return monitor.judge(entries, last, radii, robot_radius, goal)
 
 
 @kernel

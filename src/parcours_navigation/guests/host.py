@@ -219,9 +219,8 @@ class GuestHost:
             follow(memory, 0, np.zeros((1, 4)))
         else:
             begin_any(memory)
-            move_any(memory, 0, 0.0, 0.0, 0.0, _NO_POINTS, True)
             ground_gap(memory)
-        moving.present(memory, np.zeros(ROW + 2 * len(scene.obstacles)))
+        moving.present(memory, np.zeros(ROW + 2 * len(scene.obstacles)), np.zeros(len(scene.obstacles)))
         moving.freeze(memory, facts[0])  # by itself where a planner fails: it may have left no file to load it from
         conclude(memory[np.newaxis], [staged], None, facts)
         sum_up_later(memory[np.newaxis], _FIRST, facts)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest, BadResults
-from parcours_navigation.requirements.kernel import evaluate
+from parcours_navigation.requirements.kernel import evaluate, judge
 from parcours_navigation.requirements.parsing import Parsed, parse, parse_number
 from parcours_navigation.requirements.programs import Program, compile_formulas
 from parcours_navigation.requirements.syntax import Formula, Number, replaced, signals
@@ -226,6 +226,20 @@ class Monitor:
         self.results: dict[int, Floats] = {}
         self.own: dict[int, tuple[float, ...]] = {}  # values of measures in Python, by case number
         self.measures = requirements.in_python
+
+    def judge(
+        self, entries: Floats, last: Floats, radii: Floats, robot_radius: float, goal: tuple[float, float]
+    ) -> Floats:
+        """Return the robustness of each requirement over a case, and when it is decided, shape (2, n_requirements).
+
+        Args: as of `signals.take`; when they are decided is in seconds, NaN where they hold.
+        """
+        program, found = self.program, np.empty((2, len(self.program.roots)))
+        judge(
+            entries, last, radii, robot_radius, *goal, program.code, program.roots, program.wanted, self.memory,
+            self.absent, found[0], found[1],
+        )  # fmt: skip
+        return found
 
 
 def robustness_of(formulas: Sequence[Formula], signals: Mapping[str, ArrayLike]) -> tuple[Floats, Floats]:

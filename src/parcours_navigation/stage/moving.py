@@ -172,8 +172,11 @@ def follow(memory: Floats, until: int, points: Floats) -> int:
 
 
 @kernel
-def present(memory: Floats, entry: Floats) -> None:
-    """Fill an entry of a track with how the world stands now, shape (ROW + 2 n_bodies,); as if without a ground."""
+def present(memory: Floats, entry: Floats, radii: Floats) -> None:
+    """Fill an entry of a track with how the world stands now, shape (ROW + 2 n_bodies,); as if without a ground.
+
+    `radii` receives those of the bodies [m], shape (n_bodies,).
+    """
     stage = memory[AT_STAGE:AT_WORLD].view(STAGE)[0]
     world = memory[AT_WORLD:AT_ROBOT].view(WORLD)[0]
     robot, obstacles = world.robot, obstacles_of(memory, stage)
@@ -181,6 +184,7 @@ def present(memory: Floats, entry: Floats) -> None:
     entry[4], entry[5], entry[6], entry[7] = robot.v, robot.w, 0.0, np.inf
     for i in range(len(obstacles)):
         entry[ROW + 2 * i], entry[ROW + 2 * i + 1] = obstacles[i].x, obstacles[i].y
+        radii[i] = obstacles[i].radius
 
 
 @kernel

@@ -31,6 +31,7 @@ from parcours_navigation.stage.memory import AT_ROBOT, AT_STAGE, AT_WORLD, ROW, 
 from parcours_navigation.stage.moving import ARRIVED, ENDED, GO_ON, NEXT_GOAL, NOT_FINITE, mark, obstacles_of
 from parcours_navigation.stage.tracking import speeds
 
+_NO_POINTS = np.zeros((0, 4))
 _AGENT, _BODY, _DETECTION = (one.itemsize // 8 for one in (AGENT, BODY, DETECTION))
 
 
@@ -309,17 +310,13 @@ def ground_gap(memory: Floats) -> float:
 
 
 @kernel
-def begin_any(memory: Floats) -> None:
+def _begin(memory: Floats, stage: Record, world: Record, obstacles: Record, body: Record) -> None:
     """Put a case that was laid into its memory at its beginning."""
-    stage = memory[AT_STAGE:AT_WORLD].view(STAGE)[0]
-    world = memory[AT_WORLD:AT_ROBOT].view(WORLD)[0]
-    obstacles = obstacles_of(memory, stage)
-    _mirror(world, _body(memory, stage))
+    _mirror(world, body)
     begin(world, obstacles)
     if stage.n_agents:
         begin_agents(_agents(memory, stage), _ways(memory, stage), obstacles, _ground(memory, stage))
     _mark_any(memory, stage, world, obstacles)
-    _observe(memory, stage, world, obstacles)
 
 
 @kernel
@@ -335,6 +332,8 @@ def _is_over(stage: Record, world: Record) -> bool:
 def move_any(memory: Floats, until: int, v: float, w: float, aside: float, points: Floats, looks: bool) -> int:
     """Command speeds [m/s, rad/s, m/s to the left], advance the world to `until` [ns], and look around if wanted.
 
+    A case that has not begun is put at its beginning instead: one kernel for both, as both are large.
+
     Where there are points of a trajectory, shape (n, 4), the robot is commanded at every tick to follow them instead.
     Return GO_ON; ARRIVED if the last goal was just reached, NEXT_GOAL if another, ENDED if the case ends for
     another reason; all these before `until`; or NOT_FINITE if a speed is not a finite number.
@@ -344,9 +343,12 @@ def move_any(memory: Floats, until: int, v: float, w: float, aside: float, point
     stage = memory[AT_STAGE:AT_WORLD].view(STAGE)[0]
     world = memory[AT_WORLD:AT_ROBOT].view(WORLD)[0]
     obstacles, body = obstacles_of(memory, stage), _body(memory, stage)
-    command_body(body, v, aside, w)
-    status = GO_ON
-    while world.now < until and status == GO_ON:
+    status, begins = GO_ON, stage.n_looks == 0
+    if begins:
+        _begin(memory, stage, world, obstacles, body)
+    else:
+        command_body(body, v, aside, w)
+    while not begins and world.now < until and status == GO_ON:
         if len(points):
             v, w = speeds(points, world.now * 1e-9, body.believed_x, body.believed_y, body.believed_heading)
             command_body(body, v, 0.0, w)
@@ -361,6 +363,11 @@ def move_any(memory: Floats, until: int, v: float, w: float, aside: float, point
         elif stage.next_goal != goal:
             status = NEXT_GOAL
     memory[TIME] = float(world.now)
-    if looks and status == GO_ON:
+    if (looks or begins) and status == GO_ON:
         _observe(memory, stage, world, obstacles)
     return status
+
+
+def begin_any(memory: Floats) -> None:
+    """Put a case that was laid into its memory at its beginning."""
+    move_any(memory, 0, 0.0, 0.0, 0.0, _NO_POINTS, True)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.report.pieces import Floats
-from parcours_navigation.requirements.kernel import judge
 from parcours_navigation.requirements.requirement import Monitor, Requirements
 
 _MOMENTS = 200  # at most, evenly over the case
@@ -48,15 +47,11 @@ def margins(
     columns = [track[name][:until].astype(np.float64) for name in track.dtype.names or ()]
     columns += [] if gaps is None else [gaps[:until]]
     entries = np.ascontiguousarray(np.column_stack([*columns, places[:until].reshape(until, -1)]))
-    monitor, decided = Monitor(requirements, until + 1), np.empty(len(requirements.formulas))
-    program = monitor.program
+    monitor = Monitor(requirements, until + 1)
     ends = np.unique(np.linspace(1, until, min(until, _MOMENTS)).astype(np.int64))
     values = np.empty((len(ends) + 1, len(requirements.formulas)))
     for k, end in enumerate(ends.tolist()):
-        judge(
-            entries[:end], entries[end - 1], radii, robot_radius, *goal, program.code, program.roots, program.wanted,
-            monitor.memory, monitor.absent, values[k], decided,
-        )  # fmt: skip
+        values[k] = monitor.judge(entries[:end], entries[end - 1], radii, robot_radius, goal)[0]
     values[-1] = record["robustness"]  # with where the robot was at the very end, between two samples
     times = np.append(track["time"][ends - 1], record["t_end"]) * 1e-9
     return tuple(

@@ -27,7 +27,6 @@ from parcours_navigation.arena.solvability import UNSOLVABLE
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
-from parcours_navigation.guests.concluding import judge
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.host import GuestHost, HostSetting, hung
 from parcours_navigation.guests.measuring import require_innocent
@@ -38,7 +37,7 @@ from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.guests.staging import Cases, clear_obstacles, plain_scene, staged
 from parcours_navigation.requirements.judging import joined
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Monitor, Requirements
-from parcours_navigation.stage.memory import Staged, size_of
+from parcours_navigation.stage.memory import ROW, Staged, size_of
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.solving import solve_worlds
 
@@ -308,7 +307,7 @@ def _host(planner: _Same, digest: str, setting: HostSetting, words: int) -> Gues
 @functools.lru_cache(maxsize=16)
 def _monitor(requirements: Requirements, n_samples: int) -> Monitor:
     monitor = Monitor(requirements, n_samples)
-    judge(np.zeros((0, 0)), monitor, 0, 0.0, (0.0, 0.0))  # compiled before a planner's time counts
+    monitor.judge(np.zeros((0, ROW)), np.zeros(ROW), np.zeros(0), 0.0, (0.0, 0.0))  # before a planner's time counts
     return monitor
 
 

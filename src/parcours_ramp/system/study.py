@@ -15,8 +15,7 @@ from parcours.run.store import Campaign
 from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.facts import TRACK, TRACK_PERIOD
 from parcours_navigation.requirements.judging import joined
-from parcours_navigation.requirements.programs import compile_formulas
-from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Monitor, Requirements
 from parcours_navigation.study.study import code_digest
 from parcours_navigation.worlds.paper import ArenaCases
 from parcours_ramp.planner.latency import Latencies
@@ -32,6 +31,8 @@ Track = tuple[NDArray[np.void], NDArray[np.void], Floats]
 STUDY = "ramp_system"  # The name with which ids of its cases begin
 
 SCHEDULES = ("original", "guarded")
+
+_JUDGED_TOGETHER = 64  # cases whose tracks are kept at once
 
 LIVE_FILE = "live.jsonl"  # by which a folder holds cases that ran in real time
 
@@ -94,7 +95,7 @@ class SystemStudy:
     def _run(self, numbers: NDArray[np.int64], results: Floats | None = None) -> Track:
         """Return the facts of the cases, and the working memory in which the last one has left its track.
 
-        `results` receives what is judged, as `run_and_judge` says.
+        `results` receives what `Monitor.judge` finds in each case, shape (n, 2, n_requirements).
         """
         require_numba("simulating the world")
         facts = np.zeros(len(numbers), FACTS)
@@ -102,22 +103,23 @@ class SystemStudy:
         n = obstacles.shape[1]
         length = int((self.cases.end(self.time_limit) + self.watched_on) * 1e9 / TRACK_PERIOD) + 2
         track, places = np.zeros(length, TRACK), np.zeros((length, n, 2))
-        memory = (
-            numbers, obstacles, self.setting(), self.parameters.record(), self.latencies.record(), one(WORKSPACE),
-            np.zeros(n, OBSTACLE_STATE), np.zeros(n, PREDICTION), np.zeros(n, PREDICTION), facts, track, places,
-            np.zeros(n),
+        setting, work, radii = self.setting(), one(WORKSPACE), np.zeros(n)
+        given = (
+            setting, self.parameters.record(), self.latencies.record(), work, np.zeros(n, OBSTACLE_STATE),
+            np.zeros(n, PREDICTION), np.zeros(n, PREDICTION),
         )  # fmt: skip
-        if results is None:
-            _run_cases(*memory)
-            return facts, track, places
-        from parcours_ramp.system.judged_cases import run_and_judge
-
-        program = compile_formulas([one.formula for one in self.requirements.formulas])
-        rows = program.memory(length + 1)
-        run_and_judge(
-            *memory, np.zeros((length + 1, 7 + 2 * n)), program.code, program.roots, program.wanted, rows,
-            np.zeros(len(rows), np.int64), results,
-        )  # fmt: skip
+        monitor = None if results is None else Monitor(self.requirements, length + 1)
+        together = max(len(numbers), 1) if monitor is None else _JUDGED_TOGETHER
+        entries = np.empty((0 if monitor is None else together, length + 1, 7 + 2 * n))
+        lengths = np.zeros(len(entries), np.int64)
+        for first in range(0, max(len(numbers), 1), together):
+            some = slice(first, first + together)
+            _run_cases(numbers[some], obstacles[some], *given, facts[some], track, places, radii, entries, lengths)
+            if monitor is not None and results is not None:
+                reaches, goal = np.ascontiguousarray(obstacles[some]["radius"]), (setting.goal_x, setting.goal_y)
+                for k, found in enumerate(results[some]):
+                    rows = entries[k, : lengths[k] + 1]
+                    found[:] = monitor.judge(rows[:-1], rows[-1], reaches[k], self.cases.robot_radius, goal)
         return facts, track, places
 
     def setting(self) -> Record:
@@ -181,13 +183,40 @@ def ramp_digest() -> str:
 def _run_cases(
     numbers: Record, obstacles: Record, setting: Record, parameters: Record, latencies: Record, work: Record,
     seen: Record, predictions: Record, guarded: Record, facts: Record, track: Record, places: Floats, radii: Floats,
+    entries: Floats, lengths: Record,
 ) -> None:  # fmt: skip
-    """Run the cases one after the other; shapes as in `run_case`, with the cases as leading axis."""
+    """Run the cases one after the other; shapes as in `run_case`, with the cases as leading axis.
+
+    Where `entries` has room for cases, shape (n, length of the track + 1, 7 + 2 n_obstacles), it receives their tracks
+    as requirements are judged over them, and `lengths` how long these are; the state at the end of the case follows.
+    """
     for k in range(len(numbers)):
         run_case(
             numbers[k], obstacles[k], setting, parameters, latencies, work, seen, predictions, guarded, facts[k], track,
             places, radii,
         )  # fmt: skip
+        if len(entries):
+            lengths[k] = _lay_out(facts[k], track, places, obstacles[k], work, entries[k])
+
+
+@kernel
+def _lay_out(facts: Record, track: Record, places: Floats, obstacles: Record, work: Record, entries: Floats) -> int:
+    """Write down the track up to the end of the case, and the state there; return how many entries come before it."""
+    n = 0
+    while n < facts.n_track and track[n].time <= facts.t_end:
+        entry = track[n]
+        entries[n, 0], entries[n, 1], entries[n, 2], entries[n, 3] = float(entry.time), entry.x, entry.y, entry.heading
+        entries[n, 4], entries[n, 5], entries[n, 6] = entry.v, entry.w, float(entry.halted)
+        for k in range(places.shape[1]):
+            entries[n, 7 + 2 * k], entries[n, 8 + 2 * k] = places[n, k, 0], places[n, k, 1]
+        n += 1
+    # The world stands as it did at the end, unless it was observed further: then the track has an entry there.
+    robot = work.world.robot
+    entries[n, 0], entries[n, 1], entries[n, 2], entries[n, 3] = float(facts.t_end), robot.x, robot.y, robot.heading
+    entries[n, 4], entries[n, 5], entries[n, 6] = robot.v, robot.w, float(work.control.halt)
+    for k in range(len(obstacles)):
+        entries[n, 7 + 2 * k], entries[n, 8 + 2 * k] = obstacles[k].x, obstacles[k].y
+    return n
 
 
 def system_study(
