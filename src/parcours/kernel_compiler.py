@@ -1,19 +1,19 @@
 """Compiles kernels: those that only other kernels call are translated, and optimised where they are called from.
 
 Numba optimises every function together with all that it calls, and again with every caller up to the top: of a chain
-of ten, the last is optimised ten times. Here a kernel has two forms. Python calls the outer one, machine code of the
-kernel with all that it calls, optimised once. Kernels call the inner one, which nothing has optimised yet:
+of ten, the last is optimised ten times. Here a kernel has two forms. Kernels call the inner one, which nothing has
+optimised yet. Python calls the outer one, machine code made of the inner one with all that it calls, optimised once:
 
     Python --> outer a                  machine code
-                  | inner b             linked into a, then optimised with it
-                  |    | inner c        linked into b, and so into a
+                  | inner a             linked into it, then optimised with it
+                  |    | inner b        linked into a, and so into the outer one
 
 Both are kept on disk: another outer kernel finds the inner ones there. Copies of inner kernels belong to one outer
 kernel alone: the compiler may shape them as their callers need them, which it may not with what other code could call
 (a tenth of the time of a planner of some hundred kernels).
 
-Passes that look for what no kernel contains are left out (`_NEEDLESS`), and how an operator acts on numbers is looked
-up only once.
+Passes that look for what no kernel contains are left out (`_NEEDLESS`), and what Numba would find out again and again
+is found out once, or not at all where nobody asks (`_hasten`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from __future__ import annotations
 import functools
 import gc
 from collections.abc import Callable
+from types import CodeType
 from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
@@ -34,7 +35,12 @@ from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 from numba.core.types.misc import unliteral
 
+from parcours.kernel_lowering import KernelContext, KernelLowering
+
 D = TypeVar("D", bound=CPUDispatcher)
+
+_KERNELS: set[CodeType] = set()
+"""The code of all kernels that were asked for."""
 
 
 class _OnDisk(FunctionCache):  # type: ignore[misc]
@@ -49,9 +55,14 @@ class _OnDisk(FunctionCache):  # type: ignore[misc]
         return None
 
 
-def outer(function: Callable[..., object], options: dict[str, Any], folder: str) -> _Outer:
-    """Return a kernel as Python calls it; machine code is kept in the folder, or where numba's lies if it is empty."""
-    return _kept(_Outer(function, targetoptions=options, pipeline_class=_WholeCompiler), _OnDisk, folder)
+def outer(function: Callable[..., object], options: dict[str, Any], folder: str, inner: Callable[[], _Inner]) -> _Outer:
+    """Return a kernel as Python calls it.
+
+    Args:
+        folder: where machine code is kept; where numba's lies if it is empty.
+        inner: gives the inner form, if machine code must be made of it.
+    """
+    return _kept(_Outer(function, options, inner), _OnDisk, folder)
 
 
 def inner(function: Callable[..., object], options: dict[str, Any], folder: str) -> _Inner:
@@ -60,6 +71,7 @@ def inner(function: Callable[..., object], options: dict[str, Any], folder: str)
 
 
 def _kept(compiled: D, on_disk: type[FunctionCache], folder: str) -> D:
+    _KERNELS.add(compiled.py_func.__code__)
     now, config.CACHE_DIR = config.CACHE_DIR, folder or config.CACHE_DIR
     try:
         compiled._cache = on_disk(compiled.py_func)
@@ -71,6 +83,30 @@ def _kept(compiled: D, on_disk: type[FunctionCache], folder: str) -> D:
 class _Outer(CPUDispatcher):  # type: ignore[misc]
     """Machine code of kernels that Python calls."""
 
+    def __init__(self, function: Callable[..., object], options: dict[str, Any], inner: Callable[[], _Inner]) -> None:
+        super().__init__(function, targetoptions=options)
+        self._inner = inner
+        self._compiler.compile = self._optimised
+
+    def _optimised(self, arguments: tuple[Any, ...], _: Any) -> CompileResult:
+        """Return machine code of the inner form, which `compile` adds and keeps."""
+        collects = gc.isenabled()
+        gc.disable()  # it would look through all that the compiler keeps again and again, a tenth of the time
+        try:
+            inner = self._inner()
+            inner.compile(arguments)
+            known = inner.overloads[arguments]
+            context = self.targetctx.subtarget(enable_nrt=self.targetoptions["_nrt"])
+            library = _Whole(context.codegen(), known.fndesc.qualname, known.fndesc.llvm_func_name)
+            library.enable_object_caching()
+            library.add_linking_library(known.library)
+            context.create_cpython_wrapper(library, known.fndesc, known.environment, None, release_gil=True)
+            entry = context.get_executable(library, known.fndesc, known.environment)
+            return known._replace(library=library, entry_point=entry)
+        finally:
+            if collects:
+                gc.enable()
+
     def add_overload(self, cres: CompileResult) -> None:
         """Add it, and let it know the environments of inner kernels, which have no code of their own."""
         for environment in cres._find_referenced_environments():
@@ -78,14 +114,36 @@ class _Outer(CPUDispatcher):  # type: ignore[misc]
         super().add_overload(cres)
 
 
-class _Whole(JITCodeLibrary):  # type: ignore[misc]
-    """Code of an outer kernel with all that it calls."""
+class _Code(JITCodeLibrary):  # type: ignore[misc]
+    def _optimize_functions(self, module: Any) -> None:
+        """Optimise each function by itself."""
+        module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager()
+        for function in module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
+    def _finalize_dynamic_globals(self) -> None:
+        """Look for none: the context allows none."""
+
+
+class _Whole(_Code):
+    """Code of an outer kernel with all that it calls.
+
+    Args:
+        codegen, name: as of any library.
+        entry: name of the kernel itself.
+    """
+
+    def __init__(self, codegen: Any, name: str, entry: str) -> None:
+        super().__init__(codegen, name)
+        self._entry = entry
 
     def _optimize_final_module(self) -> None:
-        """Optimise it, knowing that what was linked in is called from here only."""
+        """Optimise it, knowing that all but the kernel itself is called from here only."""
         for function in self._final_module.functions:
             if function.linkage == llvm.Linkage.linkonce_odr:
-                function.linkage = llvm.Linkage.internal
+                function.linkage = llvm.Linkage.external if function.name == self._entry else llvm.Linkage.internal
         super()._optimize_final_module()
 
 
@@ -93,16 +151,18 @@ _NEEDLESS = frozenset({
     "with_lifting", "make_function_op_code_to_jit_function", "inline_inlinables", "inline_overloads", "find_literally",
     "literal_unroll", "LiteralPropagation", "Rewrite dynamic raises", "annotate_types", "dump_parfor_diagnostics",
 })  # fmt: skip
-_OF_ARRAYS = frozenset({"inline_closure_likes", "nopython_rewrites"})  # for expressions that make some
+_OF_ARRAYS = frozenset({"inline_closure_likes", "nopython_rewrites", "ir_legalization"})  # for kernels that make some
 
 
 @functools.cache
 def _hasten() -> None:
-    """Patch Numba to do only once what it otherwise repeats, which saves a fifth of the time.
+    """Patch Numba to do once what it otherwise repeats, and nothing that nobody asks for: a quarter of the time.
 
     All that Numba compiles in this process goes through it; only the message about shapes is another one.
     """
     from numba import extending
+    from numba.core import base, postproc, transforms
+    from numba.core.typing import templates
     from numba.np import arrayobj
 
     # Every pass writes down the types of the arguments.
@@ -121,6 +181,27 @@ def _hasten() -> None:
 
     types.Function.get_call_type = get_call_type  # type: ignore[method-assign,assignment]
 
+    # Every call of what Numba ships looks at the signature of its implementation.
+    base._has_loc = functools.cache(base._has_loc)
+
+    process = postproc.PostProcessor.run
+
+    def process_kernel(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+        if emit_dels or self.func_ir.func_id.code not in _KERNELS:
+            process(self, emit_dels, extend_lifetimes)
+        else:  # generators and passes that are left out ask which variables live where
+            self.func_ir.blocks = transforms.canonicalize_cfg(self.func_ir.blocks)
+            self.func_ir.generator_info = None
+
+    postproc.PostProcessor.run = process_kernel
+
+    decorator = templates._OverloadFunctionTemplate._get_jit_decorator
+
+    def without_address(self: Any) -> Any:
+        return functools.partial(decorator(self), no_cfunc_wrapper=True)
+
+    templates._OverloadFunctionTemplate._get_jit_decorator = without_address
+
     def shapes_differ(source: Any, target: Any) -> None:
         raise ValueError("cannot assign an array to a slice of a different shape")
 
@@ -131,43 +212,42 @@ def _hasten() -> None:
     arrayobj.raise_with_shape_context = shapes_differ  # Numba's own takes seconds to compile
 
 
-class _KernelCompiler(Compiler):  # type: ignore[misc]
+class _LinkedCompiler(Compiler):  # type: ignore[misc]
     """Leaves out the passes that find nothing in a kernel, which saves a tenth of the time."""
+
+    def compile_extra(self, func: Callable[..., object]) -> CompileResult:
+        """Compile for other kernels, nothing that Python could call."""
+        self.state.flags.no_compile = self.state.flags.no_cpython_wrapper = True
+        self.state.library = _Linked(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
 
     def define_pipelines(self) -> list[PassManager]:
         """Return the passes."""
         _hasten()
+        self.state.targetctx.__class__ = KernelContext  # the state has a copy of its own
         needless = _NEEDLESS if self.state.flags.nrt else _NEEDLESS | _OF_ARRAYS
         pipeline = PassManager("kernel")
         for one, description in DefaultPassBuilder.define_nopython_pipeline(self.state).passes:
-            if one.name() not in needless:
+            if one.name() == KernelLowering.name():
+                pipeline.add_pass(KernelLowering, description)
+            elif one.name() not in needless:
                 pipeline.add_pass(one, description)
         pipeline.finalize()
         return [pipeline]
 
 
-class _WholeCompiler(_KernelCompiler):
-    def compile_extra(self, func: Callable[..., object]) -> CompileResult:
-        """Compile for Python, and let the machine code be kept."""
-        self.state.library = _Whole(self.state.targetctx.codegen(), func.__qualname__)
-        self.state.library.enable_object_caching()
-        collects = gc.isenabled()
-        gc.disable()  # it would look through all that the compiler keeps again and again, a tenth of the time
-        try:
-            return super().compile_extra(func)
-        finally:
-            if collects:
-                gc.enable()
-
-
-class _Linked(JITCodeLibrary):  # type: ignore[misc]
+class _Linked(_Code):
     """Code of an inner kernel with all that it calls: neither optimised nor loaded."""
 
     def _optimize_final_module(self) -> None:
         """Leave that to the outer kernel."""
 
     def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
+        """Let it be linked more than once."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = llvm.Linkage.linkonce_odr
+        self._shared_module = self._final_module
         self._finalized = True
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
@@ -197,14 +277,6 @@ class _LinkedFile(CompileResultCacheImpl):  # type: ignore[misc]
 
 class _LinkedOnDisk(_OnDisk):
     _impl_class = _LinkedFile
-
-
-class _LinkedCompiler(_KernelCompiler):
-    def compile_extra(self, func: Callable[..., object]) -> CompileResult:
-        """Compile for other kernels, nothing that Python could call."""
-        self.state.flags.no_compile = self.state.flags.no_cpython_wrapper = True
-        self.state.library = _Linked(self.state.targetctx.codegen(), func.__qualname__)
-        return super().compile_extra(func)
 
 
 class _Inner(CPUDispatcher):  # type: ignore[misc]

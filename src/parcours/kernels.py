@@ -136,7 +136,7 @@ class Kernel:
         compiler = _compiler()
         if compiler is None:
             return _plain(self.py_func)
-        found: Callable[..., object] = compiler.outer(self.py_func, self._options, self._folder)
+        found: Callable[..., object] = compiler.outer(self.py_func, self._options, self._folder, lambda: self._inner)
         return found
 
     @functools.cached_property

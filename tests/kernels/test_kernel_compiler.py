@@ -80,6 +80,12 @@ def total(values):
         return values.sum()
     return values[0, 0] + values[0, 1]
 
+TABLE = np.arange(200_000.0)  # more than Numba copies into code on its own
+
+@kernel
+def looked_up(i):
+    return TABLE[i]
+
 def tell(*results):
     names = [name for name in ("innermost", "inner", "outer", "other", "within", "around") if name in optimised]
     loaded = "numba.np.linalg" in sys.modules
@@ -161,3 +167,10 @@ def test_kernels_that_a_function_makes_are_kept_by_what_they_close_over(tmp_path
     assert told(tmp_path, "tell(made(2.0)(3.0), made(5.0)(3.0))")["results"] == [7.0, 16.0]
     again = told(tmp_path, "tell(made(2.0)(3.0), made(5.0)(3.0), made(7.0)(3.0))")
     assert again["results"] == [7.0, 16.0, 22.0]
+
+
+def test_a_large_constant_is_kept_with_the_code_not_its_address_in_this_process(tmp_path: Path) -> None:
+    for is_compiled in (True, False):
+        said = told(tmp_path, "tell(looked_up(199_999))")
+        assert said["results"] == [199_999.0]
+        assert ("looked_up" in said["translated"]) == is_compiled  # type: ignore[operator]

@@ -83,6 +83,19 @@ def _fill(layout: GoalTables, row: Ints, order: Ints, n_open: int, place: Ints, 
 
 
 @kernel
+def set_of(layout: GoalTables, number: int) -> int:
+    """Return the index of the set of columns that the tuple with this number combines."""
+    low, high = 0, len(layout.start)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if layout.start[middle] <= number:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
 def _start_from(layout: GoalTables, row: Ints, order: Ints, set_: int, number: int, stream: Stream) -> int:
     """Put a tuple into an empty row, the other columns into a random order; return how many those are, or -1."""
     row[:] = -1
@@ -129,7 +142,7 @@ def grow(
         most = -1
         for _ in range(candidates):
             number = missing[below(stream, n_missing)]
-            set_ = np.searchsorted(layout.start, number, side="right") - 1
+            set_ = set_of(layout, number)
             n_open = _start_from(layout, row, order, set_, number, stream)
             gain = _fill(layout, row, order, n_open, place, stream) if n_open >= 0 else -1
             if gain > most:

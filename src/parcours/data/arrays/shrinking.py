@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parcours.data.arrays.goals import GoalTables, Ints
-from parcours.data.arrays.growing import is_permitted, number_in
+from parcours.data.arrays.growing import is_permitted, number_in, set_of
 from parcours.kernels import kernel
 from parcours.streams import Stream, below
 
@@ -145,7 +145,7 @@ def repair(layout: GoalTables, table: DamagedArray, fixed: int, work: int, strea
         table.state[1] += 1
         table.state[2] += n
         number = table.missing[below(stream, table.state[0])]
-        set_ = np.searchsorted(layout.start, number, side="right") - 1
+        set_ = set_of(layout, number)
         whole = number - layout.start[set_]
         # A row that lacks the tuple in one column only gets it by one change; the one that costs least is made.
         best_row, best_column, best_block, least, oldest = -1, -1, -1, 1 << 40, 0
