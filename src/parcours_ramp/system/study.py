@@ -32,7 +32,7 @@ STUDY = "ramp_system"  # The name with which ids of its cases begin
 
 SCHEDULES = ("original", "guarded")
 
-_JUDGED_TOGETHER = 64  # cases whose tracks are kept at once
+_JUDGED_TOGETHER = 16  # cases whose tracks are kept at once
 
 LIVE_FILE = "live.jsonl"  # by which a folder holds cases that ran in real time
 
