@@ -6,7 +6,7 @@ no `try`: an exception goes to where the caller's own would go, and nobody asks 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from llvmlite import ir
 from numba.core import cgutils, types
@@ -58,6 +58,7 @@ class KernelContext(CPUContext):  # type: ignore[misc]
     """What a kernel is compiled for: Numba's own target, but for the calls."""
 
     allow_dynamic_globals = False  # Addresses of this process: such code could not be kept
+    __slotnames__: ClassVar[list[str]] = []  # Copying one would add it, and be taken for a planner's doing
 
     @property
     def call_conv(self) -> CPUCallConv:

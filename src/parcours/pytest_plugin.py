@@ -67,7 +67,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is not None and not is_warm():
-        reporter.write_line("parcours: compiling for this machine first, once: about a minute")
+        reporter.write_line("parcours: compiling for this machine first, once: up to half a minute")
         reporter.flush()
 
 

@@ -174,3 +174,16 @@ def test_a_large_constant_is_kept_with_the_code_not_its_address_in_this_process(
         said = told(tmp_path, "tell(looked_up(199_999))")
         assert said["results"] == [199_999.0]
         assert ("looked_up" in said["translated"]) == is_compiled  # type: ignore[operator]
+
+
+def test_compiling_adds_nothing_to_our_classes_for_which_a_planner_would_be_blamed(tmp_path: Path) -> None:
+    call = """
+from parcours import kernel_compiler, kernel_lowering
+here = [*vars(kernel_compiler).values(), *vars(kernel_lowering).values()]
+ours = [one for one in here if isinstance(one, type) and one.__module__.startswith("parcours")]
+before = [set(vars(one)) for one in ours]
+outer(2.0), doubled(np.ones(2), np.ones(2))
+tell(len(ours), [sorted(set(vars(one)) - names) for one, names in zip(ours, before)])
+"""
+    n, added = told(tmp_path, call)["results"]  # type: ignore[misc]
+    assert n > 5 and added == [[]] * n  # type: ignore[has-type]

@@ -144,6 +144,6 @@ def say_if_cold() -> None:
     from parcours.kernels import is_warm, tell_of_compiling
 
     if not is_warm():
-        click.echo("compiling kernels for this machine, once: about a minute", err=True)
+        click.echo("compiling kernels for this machine, once: up to half a minute", err=True)
     else:
         tell_of_compiling(lambda: click.echo("compiling further kernels for this machine, once", err=True))
