@@ -115,6 +115,8 @@ class _Outer(CPUDispatcher):  # type: ignore[misc]
 
 
 class _Code(JITCodeLibrary):  # type: ignore[misc]
+    """Code of a kernel, outer or inner."""
+
     def _optimize_functions(self, module: Any) -> None:
         """Optimise each function by itself."""
         module.data_layout = self._codegen._data_layout
@@ -156,7 +158,7 @@ _OF_ARRAYS = frozenset({"inline_closure_likes", "nopython_rewrites", "ir_legaliz
 
 @functools.cache
 def _hasten() -> None:
-    """Patch Numba to do once what it otherwise repeats, and nothing that nobody asks for: a quarter of the time.
+    """Patch Numba to do once what it otherwise repeats, and nothing that nobody asks for.
 
     All that Numba compiles in this process goes through it; only the message about shapes is another one.
     """

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.kernels import Record, heap_kernel, kernel
-
-numba = pytest.importorskip("numba")
 
 SHAPE = (3, 4, 5)
 KINDS = ("f8", "i8", "i4", "?")

@@ -16,9 +16,9 @@ from parcours_navigation.protocol import Observation, Scan
 from parcours_navigation.sensing.detecting import MOST_FALSE
 from parcours_navigation.stage import moving
 from parcours_navigation.stage.memory import AT_STAGE, AT_WORLD, STAGE, Staged, lay, observed, size_of
-from parcours_navigation.stage.ticking import begin_any, move_any
+from parcours_navigation.stage.ticking import NO_POINTS, begin_any, move_any
 
-_NO_TRACK, _PATIENCE, _NO_POINTS = 0, 1e9, np.zeros((0, 4))
+_NO_TRACK, _PATIENCE = 0, 1e9
 
 
 class Stepped:
@@ -78,7 +78,7 @@ class Stepped:
             if self._staged.scene.plain:
                 status = moving.hold(self._memory, until, float(v), float(w))
             else:
-                status = move_any(self._memory, until, float(v), float(w), float(aside), _NO_POINTS, True)
+                status = move_any(self._memory, until, float(v), float(w), float(aside), NO_POINTS, True)
         self._now = self._end if status == moving.ENDED else until
         self._seen.time = self._now * 1e-9
         self._look()

@@ -50,13 +50,13 @@ from parcours_navigation.stage.memory import (
     size_of,
 )
 from parcours_navigation.stage.moving import GO_ON, NEXT_GOAL, NOT_FINITE, follow, hold
-from parcours_navigation.stage.ticking import begin_any, ground_gap, move_any
+from parcours_navigation.stage.ticking import NO_POINTS, begin_any, ground_gap, move_any
 
 Floats = NDArray[np.float64]
 Orders = tuple[float, float, Floats | None]
 """What the robot is told to do: forward speed [m/s], yaw rate [rad/s], and the points to follow instead, if any."""
 
-_NO_POINTS, _FIRST = np.zeros((0, 4)), np.zeros(1, np.int64)
+_FIRST = np.zeros(1, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -381,7 +381,7 @@ class GuestHost:
             if self._laid is not None and self._laid.plain:
                 status = hold(memory, until, v, w) if points is None else follow(memory, until, points)
             else:
-                status = move_any(memory, until, v, w, self._aside, _NO_POINTS if points is None else points, looks)
+                status = move_any(memory, until, v, w, self._aside, NO_POINTS if points is None else points, looks)
             self._clock[heartbeat.TIME] = memory[heartbeat.TIME]
         return status != GO_ON
 

@@ -31,7 +31,7 @@ from parcours_navigation.stage.memory import AT_ROBOT, AT_STAGE, AT_WORLD, ROW, 
 from parcours_navigation.stage.moving import ARRIVED, ENDED, GO_ON, NEXT_GOAL, NOT_FINITE, mark, obstacles_of
 from parcours_navigation.stage.tracking import speeds
 
-_NO_POINTS = np.zeros((0, 4))
+NO_POINTS = np.zeros((0, 4))  # of no trajectory
 _AGENT, _BODY, _DETECTION = (one.itemsize // 8 for one in (AGENT, BODY, DETECTION))
 
 
@@ -370,4 +370,4 @@ def move_any(memory: Floats, until: int, v: float, w: float, aside: float, point
 
 def begin_any(memory: Floats) -> None:
     """Put a case that was laid into its memory at its beginning."""
-    move_any(memory, 0, 0.0, 0.0, 0.0, _NO_POINTS, True)
+    move_any(memory, 0, 0.0, 0.0, 0.0, NO_POINTS, True)

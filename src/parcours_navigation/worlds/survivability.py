@@ -16,7 +16,7 @@ from parcours_navigation.arena.contact import least_distance
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.ground.clearance import clearance
 from parcours_navigation.stage.memory import EVERYWHERE, ROW, TIME, lay, recorded, size_of
-from parcours_navigation.stage.ticking import begin_any, move_any
+from parcours_navigation.stage.ticking import NO_POINTS, begin_any, move_any
 from parcours_navigation.worlds.family import WorldCases
 
 Floats = NDArray[np.float64]
@@ -46,7 +46,7 @@ def survived_worlds(cases: WorldCases, numbers: NDArray[np.int64]) -> Floats:
             lay(memory, number, 0.0, scene, most)
             begin_any(memory)
             while memory[TIME] < end:  # it goes on where a goal was reached at the start
-                move_any(memory, end, 0.0, 0.0, 0.0, np.zeros((0, 4)), False)
+                move_any(memory, end, 0.0, 0.0, 0.0, NO_POINTS, False)
             rows, n = recorded(memory)
             places = rows[:, ROW:].reshape(len(rows), n, 2)
             land = cases.land(number)
