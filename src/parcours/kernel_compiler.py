@@ -34,10 +34,14 @@ from numba.core.compiler_machinery import PassManager
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 from numba.core.types.misc import unliteral
+from numba.np import numpy_support
 
 from parcours.kernel_lowering import KernelContext, KernelLowering
 
 D = TypeVar("D", bound=CPUDispatcher)
+
+# Numba asks for it whenever it meets a record: for the first arguments of a command, it took longer than their kernels.
+numpy_support.as_struct_dtype = functools.cache(numpy_support.as_struct_dtype)
 
 _KERNELS: set[CodeType] = set()
 """The code of all kernels that were asked for."""
@@ -49,7 +53,6 @@ class _OnDisk(FunctionCache):  # type: ignore[misc]
 
         That would take a fifth of a start.
         """
-        rtsys.initialize(target_context)  # the symbols that code of kernels refers to
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
         return None
@@ -62,7 +65,7 @@ def outer(function: Callable[..., object], options: dict[str, Any], folder: str,
         folder: where machine code is kept; where numba's lies if it is empty.
         inner: gives the inner form, if machine code must be made of it.
     """
-    return _kept(_Outer(function, options, inner), _OnDisk, folder)
+    return _kept(_Outer(function, options, inner), _WholeOnDisk, folder)
 
 
 def inner(function: Callable[..., object], options: dict[str, Any], folder: str) -> _Inner:
@@ -97,7 +100,7 @@ class _Outer(CPUDispatcher):  # type: ignore[misc]
             inner.compile(arguments)
             known = inner.overloads[arguments]
             context = self.targetctx.subtarget(enable_nrt=self.targetoptions["_nrt"])
-            library = _Whole(context.codegen(), known.fndesc.qualname, known.fndesc.llvm_func_name)
+            library = _Whole(context.codegen(), known.fndesc)
             library.enable_object_caching()
             library.add_linking_library(known.library)
             context.create_cpython_wrapper(library, known.fndesc, known.environment, None, release_gil=True)
@@ -133,20 +136,64 @@ class _Whole(_Code):
     """Code of an outer kernel with all that it calls.
 
     Args:
-        codegen, name: as of any library.
-        entry: name of the kernel itself.
+        codegen: as of any library.
+        kernel: describes the kernel itself.
     """
 
-    def __init__(self, codegen: Any, name: str, entry: str) -> None:
-        super().__init__(codegen, name)
-        self._entry = entry
+    def __init__(self, codegen: Any, kernel: Any) -> None:
+        super().__init__(codegen, kernel.qualname)
+        self._kernel = kernel
 
     def _optimize_final_module(self) -> None:
-        """Optimise it, knowing that all but the kernel itself is called from here only."""
+        """Optimise it, knowing that all but the kernel itself is called from here only.
+
+        Of the environments of other kernels, those stay that something reads: few, for who loads one loads the module
+        that it belongs to.
+        """
         for function in self._final_module.functions:
             if function.linkage == llvm.Linkage.linkonce_odr:
-                function.linkage = llvm.Linkage.external if function.name == self._entry else llvm.Linkage.internal
+                is_kernel = function.name == self._kernel.llvm_func_name
+                function.linkage = llvm.Linkage.external if is_kernel else llvm.Linkage.internal
+        for environment in self._environments():
+            environment.linkage = llvm.Linkage.internal
+        passes = llvm.create_new_module_pass_manager()
+        passes.add_global_dead_code_eliminate_pass()
+        passes.run(self._final_module, self._codegen._pass_builder())
+        for environment in self._environments():
+            environment.linkage = llvm.Linkage.common
         super()._optimize_final_module()
+
+    def _environments(self) -> list[Any]:
+        own, variables = self._kernel.env_name, self._final_module.global_variables
+        return [one for one in variables if one.name.startswith("_ZN08NumbaEnv") and one.name != own]
+
+    @property
+    def counts_references(self) -> bool:
+        """Whether something in it makes arrays, or holds on to one."""
+        return any(function.name.startswith("NRT_") for function in self._final_module.functions)
+
+    def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
+        """Return machine code and, for whoever loads it, the name of what Python calls: nothing is linked into it."""
+        name = self._kernel.llvm_cpython_wrapper_name
+        named = llvm.parse_assembly(f'define void @"{name}"() {{ ret void }}').as_bitcode()
+        return self.name, "object", (self._get_compiled_object(), named)
+
+
+class _WholeFile(CompileResultCacheImpl):  # type: ignore[misc]
+    def reduce(self, cres: CompileResult) -> tuple[bool, tuple[Any, ...]]:
+        """Return what to keep."""
+        return cres.library.counts_references, super().reduce(cres)
+
+    def rebuild(self, target_context: Any, payload: tuple[bool, tuple[Any, ...]]) -> CompileResult:
+        """Return what was kept."""
+        counts_references, kept = payload
+        if counts_references:
+            rtsys.initialize(target_context)  # it compiles the functions that count, a fiftieth of a start
+        return super().rebuild(target_context, kept)
+
+
+class _WholeOnDisk(_OnDisk):
+    _impl_class = _WholeFile
 
 
 _NEEDLESS = frozenset({

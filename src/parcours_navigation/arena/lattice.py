@@ -19,6 +19,12 @@ Bits = NDArray[np.uint64]
 WORDS, ROWS, EDGE = 4, 256, 5
 """Words a row, rows, and rows of zeros before and after them."""
 
+Box = tuple[int, int, int, int]
+"""Words and rows of a set, as its indices: the first word, one after the last, the first row, one after the last."""
+
+EVERYWHERE: Box = (1, WORDS + 1, EDGE, EDGE + ROWS)
+"""The frame left out."""
+
 REACH = 4.242640687119285
 """How many spacings a robot at top speed covers in one step: sqrt(18), so that it reaches (3, 3) exactly."""
 
@@ -146,53 +152,69 @@ def put(bits: Record, column: int, row: int) -> None:
 
 
 @kernel
-def _widen(bits: Record, h1: Record, h3: Record, h4: Record, h5: Record) -> None:
-    """Write each row of the set widened by 1, 3, 4 and 5 columns either way."""
-    u = np.uint64
-    for w in range(1, WORDS + 1):
-        before, here, after = bits[w - 1], bits[w], bits[w + 1]
-        o1, o3, o4, o5 = h1[w], h3[w], h4[w], h5[w]
-        for y in range(EDGE, EDGE + ROWS):
-            b, a, c = before[y], here[y], after[y]
-            s = a | (a << u(1)) | (b >> u(63)) | (a >> u(1)) | (c << u(63))
-            o1[y] = s
-            s |= (a << u(2)) | (b >> u(62)) | (a >> u(2)) | (c << u(62))
-            s |= (a << u(3)) | (b >> u(61)) | (a >> u(3)) | (c << u(61))
-            o3[y] = s
-            s |= (a << u(4)) | (b >> u(60)) | (a >> u(4)) | (c << u(60))
-            o4[y] = s
-            o5[y] = s | (a << u(5)) | (b >> u(59)) | (a >> u(5)) | (c << u(59))
+def reached_box(lattice: Record, k: int) -> Box:
+    """Return what holds all points within EDGE * k columns and rows of the start: in k steps no set grows out of it."""
+    reach, most = EDGE * k, 64 * WORDS - 1
+    first, last = max(lattice.column - reach, 0) >> 6, min(lattice.column + reach, most) >> 6
+    return 1 + first, 2 + last, EDGE + max(lattice.row - reach, 0), EDGE + min(lattice.row + reach + 1, ROWS)
 
 
 @kernel
-def grow_inner(bits: Record, wide: Record) -> None:
+def _widen(bits: Record, h1: Record, h3: Record, h4: Record, h5: Record, box: Box) -> None:
+    """Write each row of the set widened by 1, 3, 4 and 5 columns either way: all that rows of the box ask for."""
+    u = np.uint64
+    y = max(box[2] - EDGE, EDGE)
+    for w in range(box[0], box[1]):
+        before, here, after = bits[w - 1, y:], bits[w, y:], bits[w + 1, y:]
+        o1, o3, o4, o5 = h1[w, y:], h3[w, y:], h4[w, y:], h5[w, y:]
+        for j in range(min(box[3] + EDGE, EDGE + ROWS) - y):
+            b, a, c = before[j], here[j], after[j]
+            s = a | (a << u(1)) | (b >> u(63)) | (a >> u(1)) | (c << u(63))
+            o1[j] = s
+            s |= (a << u(2)) | (b >> u(62)) | (a >> u(2)) | (c << u(62))
+            s |= (a << u(3)) | (b >> u(61)) | (a >> u(3)) | (c << u(61))
+            o3[j] = s
+            s |= (a << u(4)) | (b >> u(60)) | (a >> u(4)) | (c << u(60))
+            o4[j] = s
+            o5[j] = s | (a << u(5)) | (b >> u(59)) | (a >> u(5)) | (c << u(59))
+
+
+@kernel
+def grow_inner(bits: Record, wide: Record, box: Box) -> None:
     """Replace the set by all points within REACH spacings of it: each was reached at v_max or less.
 
-    `wide` is working memory: four sets with empty frames, shape (4, WORDS + 2, ROWS + 2 * EDGE).
+    `wide` is working memory: four sets with empty frames, shape (4, WORDS + 2, ROWS + 2 * EDGE). Outside the box the
+    set is empty, and stays so.
     """
-    _widen(bits, wide[0], wide[1], wide[2], wide[3])
-    for w in range(1, WORDS + 1):
-        out, h1, h3, h4 = bits[w], wide[0, w], wide[1, w], wide[2, w]
-        for y in range(EDGE, EDGE + ROWS):
-            out[y] = (
-                (h4[y] | h4[y - 1] | h4[y + 1])
-                | (h3[y - 2] | h3[y + 2] | h3[y - 3] | h3[y + 3])
-                | (h1[y - 4] | h1[y + 4])
+    _widen(bits, wide[0], wide[1], wide[2], wide[3], box)
+    y = box[2] - EDGE
+    for w in range(box[0], box[1]):
+        out, h1, h3, h4 = bits[w, box[2] :], wide[0, w, y:], wide[1, w, y:], wide[2, w, y:]
+        for j in range(box[3] - box[2]):  # the row of the same place is j + EDGE in h1 to h4
+            out[j] = (
+                (h4[j + 5] | h4[j + 4] | h4[j + 6])
+                | (h3[j + 3] | h3[j + 7] | h3[j + 2] | h3[j + 8])
+                | (h1[j + 1] | h1[j + 9])
             )
 
 
 @kernel
-def grow_outer(bits: Record, wide: Record) -> None:
-    """Replace the set by all points within sqrt(26) spacings of it: no robot's shadow is lost (see SHADOW)."""
-    _widen(bits, wide[0], wide[1], wide[2], wide[3])
-    for w in range(1, WORDS + 1):
-        out, h1, h3, h4, h5 = bits[w], wide[0, w], wide[1, w], wide[2, w], wide[3, w]
-        for y in range(EDGE, EDGE + ROWS):
-            out[y] = (
-                (h5[y] | h5[y - 1] | h5[y + 1])
-                | (h4[y - 2] | h4[y + 2] | h4[y - 3] | h4[y + 3])
-                | (h3[y - 4] | h3[y + 4])
-                | (h1[y - 5] | h1[y + 5])
+def grow_outer(bits: Record, wide: Record, box: Box) -> None:
+    """Replace the set by all points within sqrt(26) spacings of it: no robot's shadow is lost (see SHADOW).
+
+    The other arguments are those of `grow_inner`.
+    """
+    _widen(bits, wide[0], wide[1], wide[2], wide[3], box)
+    y = box[2] - EDGE
+    for w in range(box[0], box[1]):
+        out = bits[w, box[2] :]
+        h1, h3, h4, h5 = wide[0, w, y:], wide[1, w, y:], wide[2, w, y:], wide[3, w, y:]
+        for j in range(box[3] - box[2]):
+            out[j] = (
+                (h5[j + 5] | h5[j + 4] | h5[j + 6])
+                | (h4[j + 3] | h4[j + 7] | h4[j + 2] | h4[j + 8])
+                | (h3[j + 1] | h3[j + 9])
+                | (h1[j] | h1[j + 10])
             )
 
 

@@ -10,7 +10,18 @@ import numpy as np
 
 from parcours.kernels import Record, kernel
 from parcours_navigation.arena.contact import least_distance
-from parcours_navigation.arena.lattice import EDGE, ROWS, SHADOW, WORDS, grow_inner, grow_outer, put, take_disc
+from parcours_navigation.arena.lattice import (
+    EDGE,
+    ROWS,
+    SHADOW,
+    WORDS,
+    Box,
+    grow_inner,
+    grow_outer,
+    put,
+    reached_box,
+    take_disc,
+)
 from parcours_navigation.arena.obstacles import place_at
 from parcours_navigation.arena.world import TICK
 
@@ -191,13 +202,13 @@ def _outer_arrival(bits: Record, near: Record, lattice: Record, k: int) -> float
 
 
 @kernel
-def _touches(bits: Record, others: Record) -> bool:
-    """Return whether the sets have a point in common."""
+def _touches(bits: Record, others: Record, box: Box) -> bool:
+    """Return whether the sets have a point in common within the box."""
     common = np.uint64(0)
-    for w in range(1, WORDS + 1):
-        one, two = bits[w], others[w]
-        for row in range(EDGE, EDGE + ROWS):
-            common |= one[row] & two[row]
+    for w in range(box[0], box[1]):
+        one, two = bits[w, box[2] : box[3]], others[w, box[2] : box[3]]
+        for j in range(len(one)):
+            common |= one[j] & two[j]
     return bool(common != np.uint64(0))
 
 
@@ -210,14 +221,15 @@ def earliest_outer(
     left = False  # whether somebody may be outside the lattice's square, and come back
     for k in range(lattice.n_steps + 1):
         if k > 0:
-            grow_outer(bits, wide)
+            box = reached_box(lattice, k)  # so do the caps: who comes back is in it
+            grow_outer(bits, wide, box)
             if not left:
-                left = _touches(bits, edge)
+                left = _touches(bits, edge, box)
             back = ~np.uint64(0) if left else np.uint64(0)
-            for w in range(1, WORDS + 1):
-                out, border, cap = bits[w], edge[w], caps[k, w]
-                for row in range(EDGE, EDGE + ROWS):
-                    out[row] = (out[row] | (border[row] & back)) & cap[row]
+            for w in range(box[0], box[1]):
+                out, border, cap = bits[w, box[2] : box[3]], edge[w, box[2] : box[3]], caps[k, w, box[2] : box[3]]
+                for j in range(len(out)):
+                    out[j] = (out[j] | (border[j] & back)) & cap[j]
         now = nanoseconds(k * lattice.step)
         for i in range(len(obstacles)):
             reach = lattice.robot_radius + obstacles[i].radius - blur(obstacles[i]) - SHADOW * lattice.spacing - 1e-9
@@ -236,7 +248,7 @@ def earliest_inner(obstacles: Record, lattice: Record, near: Record, bits: Recor
     begin_set(bits, lattice)
     for k in range(lattice.n_steps + 1):
         if k > 0:
-            grow_inner(bits, wide)
+            grow_inner(bits, wide, reached_box(lattice, k))
         take_obstacles_inner(bits, lattice, obstacles, k)
         when = arrival(bits, near, lattice, obstacles, k)
         if when < np.inf:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.kernels import Record, heap_kernel, kernel
+from parcours.kernels import Record, kernel
 from parcours_navigation.arena.lattice import EDGE, ROWS, WORDS, lay_lattice, lay_points
 from parcours_navigation.arena.obstacles import place_at
 from parcours_navigation.arena.reachable import earliest_inner, earliest_outer, leg_is_free, nanoseconds
@@ -84,7 +84,10 @@ def solve(
 
     def fill(first: int) -> None:
         part = slice(first, first + half)
-        _solve_all(obstacles[part], lattice.record, lattice.near, lattice.edge, lattice.caps, inner, found[part])
+        bits = np.zeros((WORDS + 2, ROWS + 2 * EDGE), np.uint64)
+        wide = np.zeros((4, *bits.shape), np.uint64)
+        near, edge, caps = lattice.near, lattice.edge, lattice.caps
+        _solve_all(obstacles[part], lattice.record, near, edge, caps, inner, bits, wide, found[part])
 
     with ThreadPoolExecutor(2) as halves:  # kernels let go of Python
         list(halves.map(fill, range(0, len(found), half)))
@@ -111,13 +114,12 @@ def _starts_in_contact(obstacles: Record, lattice: Record) -> bool:
     return False
 
 
-@heap_kernel
+@kernel
 def _solve_all(
-    obstacles: Record, lattice: Record, near: Record, edge: Record, caps: Record, inner: bool, found: Record
-) -> None:
-    """Fill `found` case by case."""
-    bits = np.zeros((WORDS + 2, ROWS + 2 * EDGE), np.uint64)
-    wide = np.zeros((4, WORDS + 2, ROWS + 2 * EDGE), np.uint64)
+    obstacles: Record, lattice: Record, near: Record, edge: Record, caps: Record, inner: bool,
+    bits: Record, wide: Record, found: Record,
+) -> None:  # fmt: skip
+    """Fill `found` case by case; `bits` and `wide` are room for sets of places."""
     dx, dy = lattice.goal_x - lattice.start_x, lattice.goal_y - lattice.start_y
     far = np.sqrt(dx * dx + dy * dy)
     straight = max(far - lattice.tolerance, 0.0) / lattice.v_max

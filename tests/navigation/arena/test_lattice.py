@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from parcours_navigation.arena.lattice import (
     EDGE,
+    EVERYWHERE,
     REACH,
     ROWS,
     SHADOW,
@@ -63,7 +64,7 @@ def test_growing_is_dilation_by_a_disc(seed: int, share: float) -> None:
     wide = np.zeros((4, *empty().shape), np.uint64)
     for grow, square in ((grow_inner, 18), (grow_outer, 26)):
         bits = as_bits(points)
-        grow(bits, wide)
+        grow(bits, wide, EVERYWHERE)
         assert (as_points(bits) == dilated(points, square)).all()
         assert not bits[0].any() and not bits[-1].any(), "the frame stays empty"
         assert not bits[:, :EDGE].any() and not bits[:, -EDGE:].any()

@@ -12,6 +12,7 @@ from parcours.errors import BadRequest
 from parcours.kernels import Record
 from parcours_navigation.arena.lattice import (
     EDGE,
+    EVERYWHERE,
     ROWS,
     SHADOW,
     WORDS,
@@ -20,6 +21,7 @@ from parcours_navigation.arena.lattice import (
     grow_outer,
     lay_lattice,
     lay_points,
+    reached_box,
 )  # fmt: skip
 from parcours_navigation.arena.obstacles import OBSTACLE, place_at
 from parcours_navigation.arena.reachable import begin_set, take_obstacles_inner
@@ -215,7 +217,7 @@ def test_the_shadow_of_every_drive_stays_in_the_outer_set_until_it_meets_an_obst
     begin_set(bits, record)
     followed = 0
     for k in range(1, record.n_steps + 1):
-        grow_outer(bits, wide)
+        grow_outer(bits, wide, EVERYWHERE)
         bits |= lattice.edge
         now = as_points(bits)
         # what the kernel takes out: the points too near an obstacle for any shadow
@@ -243,7 +245,7 @@ def test_every_step_within_the_inner_set_meets_nothing_when_looked_at_finely() -
         begin_set(bits, record)
         before = as_points(bits)
         for k in range(1, 70):
-            grow_inner(bits, wide)
+            grow_inner(bits, wide, reached_box(record, k))
             take_obstacles_inner(bits, record, case.view(np.recarray), k)
             now = as_points(bits)
             shares = np.linspace(0.0, 1.0, 9)
