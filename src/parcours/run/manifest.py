@@ -8,9 +8,9 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.lib.recfunctions import repack_fields
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run.atomic import write_atomically
@@ -18,6 +18,22 @@ from parcours.run.atomic import write_atomically
 FORMAT, FORMER = "campaign/2", "campaign/1"
 MANIFEST = "campaign.json"
 _MOST_SHARDS = 1_000_000
+
+
+def packed_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the same fields without padding, the lowest byte of each number first.
+
+    NumPy's `repack_fields` does as much, but loads masked arrays first, a hundredth of the start of a run.
+
+    >>> packed_dtype(np.dtype({"names": ["a", "b"], "formats": [">i2", ("f8", (2,))], "offsets": [1, 8]}))
+    dtype([('a', '<i2'), ('b', '<f8', (2,))])
+    """
+    if dtype.subdtype is not None:
+        element, shape = dtype.subdtype
+        return np.dtype((packed_dtype(element), shape))
+    if dtype.names is None:
+        return dtype.newbyteorder("<")
+    return np.dtype([(name, packed_dtype(dtype[name])) for name in dtype.names])
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +79,7 @@ class Campaign:
         if self.dtype.names is None or self.dtype.hasobject:
             rule = f"results are records of numbers, but their dtype is {self.dtype}"
             raise BadRequest(f"campaign {self.study!r}", rule, "give a structured dtype", slug="results-dtype")
-        object.__setattr__(self, "dtype", repack_fields(self.dtype.newbyteorder("<"), recurse=True))
+        object.__setattr__(self, "dtype", packed_dtype(self.dtype))
         try:
             text = json.dumps(dict(self.parameters), sort_keys=True, allow_nan=False)
         except (TypeError, ValueError) as error:

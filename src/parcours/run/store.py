@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 
 from parcours.errors import BadResults, HostFailure
@@ -25,7 +24,7 @@ from parcours.run.columns import leaf_names, pack, unpack
 from parcours.run.locations import is_bucket, names_in
 from parcours.run.manifest import MANIFEST as MANIFEST
 from parcours.run.manifest import Campaign as Campaign
-from parcours.run.manifest import differences, read_manifest, write_manifest
+from parcours.run.manifest import differences, packed_dtype, read_manifest, write_manifest
 from parcours.run.stops import read_stop
 from parcours.run.sums import damaged, sum_of, summed, summed_columns, sums
 
@@ -103,7 +102,7 @@ class Store:
             BadRequest: the folder cannot be written to.
         """
         cases, dtype = self.campaign.cases(shard), self.campaign.dtype
-        if rows.shape != (len(cases),) or rows.dtype.names is None or _plain(rows.dtype) != dtype:
+        if rows.shape != (len(cases),) or rows.dtype.names is None or packed_dtype(rows.dtype) != dtype:
             rule = f"must give {len(cases)} records of {dtype}, but gave shape {rows.shape} of {rows.dtype}"
             raise HostFailure(f"cases {cases.start}..{cases.stop - 1}", rule, slug="shard-shape")
         content = pack(rows.astype(dtype))  # field by field: padding of the given array is never copied
@@ -270,8 +269,3 @@ def _chosen(dtype: np.dtype[np.void], names: Sequence[str]) -> np.dtype[np.void]
         elif within:
             fields.append((name, _chosen(dtype[name], within)))
     return np.dtype(fields)
-
-
-def _plain(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
-    plain: np.dtype[np.void] = repack_fields(dtype.newbyteorder("<"), recurse=True)
-    return plain
