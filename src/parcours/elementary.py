@@ -134,12 +134,8 @@ def wrap(angle: float) -> float:
 
 
 @kernel
-def exp(x: float) -> float:
-    """Return e**x for |x| < 700.
-
-    >>> round(exp(1.0), 14)
-    2.71828182845905
-    """
+def exp_near_zero(x: float) -> tuple[float, float]:
+    """Return (y, k) such that e**x is y * 2**k: k whole, y between sqrt(1/2) and sqrt(2), but for rounding."""
     k = np.floor(x * 1.4426950408889634 + 0.5)
     high = x - k * _LN2_HIGH
     low = k * _LN2_LOW
@@ -153,7 +149,17 @@ def exp(x: float) -> float:
             + t * (6.61375632143793436117e-05 + t * (-1.65339022054652515390e-06 + t * 4.13813679705723846039e-08))
         )
     )
-    y = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
+    return 1.0 - ((low - (r * c) / (2.0 - c)) - high), k
+
+
+@kernel
+def exp(x: float) -> float:
+    """Return e**x for |x| < 700.
+
+    >>> round(exp(1.0), 14)
+    2.71828182845905
+    """
+    y, k = exp_near_zero(x)
     power = 2.0 if k > 0.0 else 0.5
     left = int(abs(k))
     while left > 0:  # times 2**k, which is exact

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parcours.elementary import HALF_PI_HIGH, HALF_PI_LOW, sin_cos, sin_cos_near_zero
+from parcours.elementary import HALF_PI_HIGH, HALF_PI_LOW, exp_near_zero, sin_cos, sin_cos_near_zero
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import kernel
 from parcours_navigation.arena.contact import gap_square
@@ -35,6 +35,20 @@ def sin_cos_each(angles: Floats, sines: Floats, cosines: Floats) -> None:
         sine, cosine = c if is_odd else s, s if is_odd else c
         sines[k] = -sine if quadrant >= 2.0 else sine
         cosines[k] = -cosine if (quadrant == 1.0) | (quadrant == 2.0) else cosine
+
+
+@kernel
+def exp_each(values: Floats) -> None:
+    """Replace each x, |x| < 700, by e**x, shape (n,): the bits of `exp`, but several numbers at a time.
+
+    >>> found = np.array([0.5, -40.0])
+    >>> exp_each(found)
+    >>> found[1] == exp(-40.0)
+    True
+    """
+    for k in range(len(values)):
+        y, twos = exp_near_zero(values[k])
+        values[k] = y * np.int64((int(twos) + 1023) << 52).view(np.float64)  # 2**twos, as IEEE 754 writes it
 
 
 @kernel

@@ -12,11 +12,11 @@ import math
 
 import numpy as np
 
-from parcours.elementary import TAU, exp, log, sin_cos
+from parcours.elementary import TAU, log, sin_cos
 from parcours.kernels import kernel
 from parcours.streams import Stream, below, start, uniform
 from parcours_navigation.arena.contact import gap_square
-from parcours_navigation.planners.motion import Options, extrapolate, runs_into, settled, sin_cos_each
+from parcours_navigation.planners.motion import Options, exp_each, extrapolate, runs_into, settled, sin_cos_each
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task
@@ -33,9 +33,12 @@ _MOVING = 1e-3
 """A robot that moves less than this in a step closes no gap [m]."""
 COLLISION, PROGRESS, HEADING, GAP, CONTROL = range(5)
 """Columns of the weights of a future's cost."""
-X, Y, HEADING_NOW, V, W, DX, DY, NEAR = range(8)
-"""What is known of all futures at each step: place, heading and speeds before it, its move, whether that is near."""
-LANES = 8
+X, Y, HEADING_NOW, V, W, DX, DY, NEAR, LEAST, PAID, STATE = range(11)
+"""What is known of all futures in a step: place, heading and speeds before it and after it, its move, whether that is
+near to anything; and of the way up to there the least gap [m], what contact has cost, and one of the states below."""
+LANES = 11
+FREE, TOUCHED, ENDED = 0.0, 1.0, 2.0
+"""No contact yet; contact that the robot did not drive into; the future runs into something and is not driven on."""
 
 
 @kernel
@@ -95,18 +98,21 @@ def sample(
 @kernel
 def average(samples: Floats, costs: Floats, temperature: float, plan: Floats) -> None:
     """Set the plan to the average of the samples with weights exp(-cost / temperature); costs become weights."""
-    least, total = np.inf, 0.0
+    least, total, width = np.inf, 0.0, plan.size
     for k in range(len(costs)):
         least = min(least, costs[k])
     for k in range(len(costs)):
-        costs[k] = exp(-min((costs[k] - least) / temperature, 60.0))
-        total += costs[k]
-    for t in range(plan.shape[0]):
-        v, w = 0.0, 0.0
-        for k in range(len(costs)):
-            v += costs[k] * samples[k, t, 0]
-            w += costs[k] * samples[k, t, 1]
-        plan[t, 0], plan[t, 1] = v / total, w / total
+        costs[k] = -min((costs[k] - least) / temperature, 60.0)
+    exp_each(costs)
+    speeds, rows = plan.reshape(width), samples.reshape((len(costs), width))  # v and w of all steps are averaged alike
+    speeds[:] = 0.0
+    for k in range(len(costs)):
+        weight, row = costs[k], rows[k]
+        total += weight
+        for j in range(width):
+            speeds[j] += weight * row[j]
+    for j in range(width):
+        speeds[j] /= total
 
 
 @kernel
@@ -145,82 +151,60 @@ def _note_near(
 
 
 @kernel
-def _drive(
-    robot: Floats, samples: Floats, limits: Floats, world: tuple[Floats, Floats, int, float], comfort: float,
+def _step(
+    t: int, robot: Floats, samples: Floats, limits: Floats, world: tuple[Floats, Floats, int, float], comfort: float,
     lanes: Floats,
 ) -> None:  # fmt: skip
-    """Drive all futures side by side, each in a lane, within the limits, and note where they come near to obstacles.
-
-    Fills in the rows of `lanes`: see V and those below it.
-    """
+    """Drive all futures side by side through a step, each in a lane, and note where they come near to obstacles."""
     #            lane  0 │ 1 │ 2 │ ... n_samples     one instruction of the processor moves several futures on:
     #   step 0   ────────┼───┼───┼───                nothing that it does for one depends on another, or on where
     #   step 1   ────────┼───┼───┼───                that one is
     places, reaches, n, step = world
-    n_samples, n_steps = samples.shape[0], samples.shape[1]
-    for k in range(n_samples):
-        lanes[X, 0, k], lanes[Y, 0, k], lanes[HEADING_NOW, 0, k] = robot[0], robot[1], robot[2]
-        lanes[V, 0, k], lanes[W, 0, k] = robot[3], robot[4]
-    for t in range(n_steps):
-        x, y, dx, dy, near = lanes[X, t], lanes[Y, t], lanes[DX, t], lanes[DY, t], lanes[NEAR, t]
-        for k in range(n_samples):
-            dx[k], dy[k] = samples[k, t, 0], samples[k, t, 1]
-        _limit(dx, lanes[V, t], limits[2] * step, 0.0, limits[0], lanes[V, t + 1])
-        _limit(dy, lanes[W, t], limits[3] * step, -limits[1], limits[1], lanes[W, t + 1])
-        _turn(lanes[W, t], lanes[W, t + 1], lanes[HEADING_NOW, t], step, near, lanes[HEADING_NOW, t + 1])
-        sin_cos_each(near, dy, dx)
-        _move(lanes[V, t], lanes[V, t + 1], step, dx, dy)
-        near[:] = 0.0
-        far = (t + 1) * step * max(limits[0], abs(robot[3]))  # no future has come farther than this
-        for i in range(n):
-            px, py, qx, qy = places[t, i, 0], places[t, i, 1], places[t + 1, i, 0], places[t + 1, i, 1]
-            square, reach = gap_square(px - robot[0], py - robot[1], qx - robot[0], qy - robot[1]), reaches[i] + comfort
-            if not square > (far + reach) * (far + reach) * _ROUNDED + _ROUNDED - 1.0:
-                _note_near(x, y, dx, dy, px, py, qx, qy, reach, near)
-        for k in range(n_samples):
-            lanes[X, t + 1, k] = x[k] + dx[k]
-        for k in range(n_samples):
-            lanes[Y, t + 1, k] = y[k] + dy[k]
+    now, after = t & 1, (t + 1) & 1
+    x, y, dx, dy, near = lanes[X, now], lanes[Y, now], lanes[DX, 0], lanes[DY, 0], lanes[NEAR, 0]
+    for k in range(len(dx)):
+        dx[k], dy[k] = samples[k, t, 0], samples[k, t, 1]
+    _limit(dx, lanes[V, now], limits[2] * step, 0.0, limits[0], lanes[V, after])
+    _limit(dy, lanes[W, now], limits[3] * step, -limits[1], limits[1], lanes[W, after])
+    _turn(lanes[W, now], lanes[W, after], lanes[HEADING_NOW, now], step, near, lanes[HEADING_NOW, after])
+    sin_cos_each(near, dy, dx)
+    _move(lanes[V, now], lanes[V, after], step, dx, dy)
+    near[:] = 0.0
+    far = (t + 1) * step * max(limits[0], abs(robot[3]))  # no future has come farther than this
+    for i in range(n):
+        px, py, qx, qy = places[t, i, 0], places[t, i, 1], places[t + 1, i, 0], places[t + 1, i, 1]
+        square, reach = gap_square(px - robot[0], py - robot[1], qx - robot[0], qy - robot[1]), reaches[i] + comfort
+        if not square > (far + reach) * (far + reach) * _ROUNDED + _ROUNDED - 1.0:
+            _note_near(x, y, dx, dy, px, py, qx, qy, reach, near)
+    for k in range(len(dx)):
+        lanes[X, after, k] = x[k] + dx[k]
+    for k in range(len(dy)):
+        lanes[Y, after, k] = y[k] + dy[k]
 
 
 @kernel
-def _cost(
-    k: int, goal_x: float, goal_y: float, world: tuple[Floats, Floats, int, float], weights: Floats, comfort: float,
-    lanes: Floats, controls: Floats,
-) -> float:  # fmt: skip
-    """Return the cost of one future that was driven, and fill in the speeds it had, up to where it runs into something.
-
-    `controls` are v, w [m/s, rad/s] at the end of each step, shape (n_steps, 2).
-    """
+def _meet(
+    t: int, k: int, n_steps: int, world: tuple[Floats, Floats, int, float], weights: Floats, lanes: Floats
+) -> None:
+    """Note what a future meets in a step that comes near to something."""
     places, reaches, n, step = world
-    n_steps = controls.shape[0]
-    least, cost = comfort, 0.0
-    touched = False
-    for t in range(n_steps):
-        controls[t, 0], controls[t, 1] = lanes[V, t + 1, k], lanes[W, t + 1, k]
-        if lanes[NEAR, t, k] == 0.0:
-            continue
-        x, y, dx, dy = lanes[X, t, k], lanes[Y, t, k], lanes[DX, t, k], lanes[DY, t, k]
-        way = 0.5 * (lanes[V, t, k] + lanes[V, t + 1, k]) * step
-        for i in range(n):
-            x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
-            x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
-            square = gap_square(x0, y0, x1, y1)
-            if square < (reaches[i] + least) * (reaches[i] + least):
-                least = min(least, np.sqrt(square) - reaches[i])
-                if square < reaches[i] * reaches[i]:
-                    urgency = 1.0 - t / n_steps
-                    if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
-                        return float(cost + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS])
-                    if not touched:
-                        touched = True
-                        cost += weights[COLLISION] * 0.5 * urgency
-    to_x, to_y = goal_x - lanes[X, n_steps, k], goal_y - lanes[Y, n_steps, k]
-    far = float(np.sqrt(to_x * to_x + to_y * to_y))
-    s, c = sin_cos(lanes[HEADING_NOW, n_steps, k])
-    off = 1.0 - (c * to_x + s * to_y) / max(far, 1e-9)
-    cost += weights[PROGRESS] * far + weights[HEADING] * off * min(far, 1.0)
-    return float(cost + weights[GAP] * (1.0 - max(least, 0.0) / comfort))
+    now, after = t & 1, (t + 1) & 1
+    x, y, dx, dy = lanes[X, now, k], lanes[Y, now, k], lanes[DX, 0, k], lanes[DY, 0, k]
+    way = 0.5 * (lanes[V, now, k] + lanes[V, after, k]) * step
+    for i in range(n):
+        x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
+        x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
+        square, least = gap_square(x0, y0, x1, y1), lanes[LEAST, 0, k]
+        if square < (reaches[i] + least) * (reaches[i] + least):
+            lanes[LEAST, 0, k] = min(least, np.sqrt(square) - reaches[i])
+            if square < reaches[i] * reaches[i]:
+                urgency = 1.0 - t / n_steps
+                if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
+                    paid = lanes[PAID, 0, k] + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS]
+                    lanes[PAID, 0, k], lanes[STATE, 0, k] = paid, ENDED
+                    return
+                if lanes[STATE, 0, k] == FREE:
+                    lanes[PAID, 0, k], lanes[STATE, 0, k] = weights[COLLISION] * 0.5 * urgency, TOUCHED
 
 
 @kernel
@@ -237,13 +221,34 @@ def score(
 ) -> None:
     """Add the cost of each future to that of its control, and replace its speeds by those that the limits allow.
 
-    `samples` are v, w [m/s, rad/s] to have at the end of each step, shape (n_samples, n_steps, 2); `limits` speed, yaw
-    rate, acceleration, yaw acceleration; `world` is places, reaches, n and step of `extrapolate`, an instant after each
-    step; `lanes` is memory, shape (LANES, n_steps + 1, n_samples).
+    `samples` are v, w [m/s, rad/s] to have at the end of each step, shape (n_samples, n_steps, 2), replaced up to where
+    a future runs into something; `limits` speed, yaw rate, acceleration, yaw acceleration; `world` is places, reaches,
+    n and step of `extrapolate`, an instant after each step; `lanes` is memory, shape (LANES, 2, n_samples).
     """
-    _drive(robot, samples, limits, world, comfort, lanes)
-    for k in range(samples.shape[0]):
-        cost = _cost(k, goal[0], goal[1], world, weights, comfort, lanes, samples[k])
+    n_samples, n_steps = samples.shape[0], samples.shape[1]
+    for k in range(n_samples):
+        lanes[X, 0, k], lanes[Y, 0, k], lanes[HEADING_NOW, 0, k] = robot[0], robot[1], robot[2]
+        lanes[V, 0, k], lanes[W, 0, k] = robot[3], robot[4]
+        lanes[LEAST, 0, k], lanes[PAID, 0, k], lanes[STATE, 0, k] = comfort, 0.0, FREE
+    for t in range(n_steps):
+        _step(t, robot, samples, limits, world, comfort, lanes)
+        v, w, near, state = lanes[V, (t + 1) & 1], lanes[W, (t + 1) & 1], lanes[NEAR, 0], lanes[STATE, 0]
+        for k in range(n_samples):
+            if state[k] != ENDED:
+                samples[k, t, 0], samples[k, t, 1] = v[k], w[k]
+                if near[k] != 0.0:
+                    _meet(t, k, n_steps, world, weights, lanes)
+    last = n_steps & 1
+    sines, cosines = lanes[DY, 0], lanes[DX, 0]
+    sin_cos_each(lanes[HEADING_NOW, last], sines, cosines)
+    for k in range(n_samples):
+        cost = lanes[PAID, 0, k]
+        if lanes[STATE, 0, k] != ENDED:
+            to_x, to_y = goal[0] - lanes[X, last, k], goal[1] - lanes[Y, last, k]
+            far = np.sqrt(to_x * to_x + to_y * to_y)
+            off = 1.0 - (cosines[k] * to_x + sines[k] * to_y) / max(far, 1e-9)
+            cost += weights[PROGRESS] * far + weights[HEADING] * off * min(far, 1.0)
+            cost += weights[GAP] * (1.0 - max(lanes[LEAST, 0, k], 0.0) / comfort)
         costs[k] = cost + weights[CONTROL] * costs[k]
 
 
@@ -299,7 +304,7 @@ class Mppi:
         self._weights = np.array([o.collision, o.progress, o.heading, o.gap, o.control])
         self._stream, self._pool = np.zeros(1, np.uint64), np.empty(_POOL)
         self._plan, self._samples = np.zeros((o.n_steps, 2)), np.empty((o.n_samples, o.n_steps, 2))
-        self._costs, self._lanes = np.empty(o.n_samples), np.empty((LANES, o.n_steps + 1, o.n_samples))
+        self._costs, self._lanes = np.empty(o.n_samples), np.empty((LANES, 2, o.n_samples))
         self._places, self._reaches = np.empty((o.n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
         self._surroundings, self._route = Surroundings(), Route(o.margin)

@@ -51,7 +51,7 @@ def cost(controls: Floats, places: Floats) -> float:
 
 
 def costs_of(robot: Floats, samples: Floats, places: Floats, reaches: Floats) -> Floats:
-    costs, lanes = np.zeros(len(samples)), np.empty((LANES, samples.shape[1] + 1, len(samples)))
+    costs, lanes = np.zeros(len(samples)), np.empty((LANES, 2, len(samples)))
     score(robot, (1.0, 0.0), LIMITS, (places, reaches, len(reaches), 0.2), WEIGHTS, 0.1, samples, costs, lanes)
     return costs
 
