@@ -33,10 +33,12 @@ _MOVING = 1e-3
 """A robot that moves less than this in a step closes no gap [m]."""
 COLLISION, PROGRESS, HEADING, GAP, CONTROL = range(5)
 """Columns of the weights of a future's cost."""
-X, Y, HEADING_NOW, V, W, DX, DY, NEAR, LEAST, PAID, STATE = range(11)
-"""What is known of all futures in a step: place, heading and speeds before it and after it, its move, whether that is
-near to anything; and of the way up to there the least gap [m], what contact has cost, and one of the states below."""
-LANES = 11
+X, Y, HEADING_NOW, V, W, DX, DY, SCRATCH, MET, LEAST, PAID, STATE = range(12)
+"""What is known of all futures in a step: place, heading and speeds before it and after it, its move, something else,
+whether it meets anything; of the way up to there the least gap [m], what contact has cost, and a state as below."""
+LANES = 12
+Memory = tuple[Floats, Floats, Stream, Floats, Floats, Floats, Floats, Floats]
+"""Places and reaches of `extrapolate`, a stream and its pool, the plan, samples, their costs, lanes."""
 FREE, TOUCHED, ENDED = 0.0, 1.0, 2.0
 """No contact yet; contact that the robot did not drive into; the future runs into something and is not driven on."""
 
@@ -141,13 +143,25 @@ def _move(v: Floats, new_v: Floats, step: float, dx: Floats, dy: Floats) -> None
 
 
 @kernel
-def _note_near(
-    x: Floats, y: Floats, dx: Floats, dy: Floats, px: float, py: float, qx: float, qy: float, reach: float, near: Floats
-) -> None:
-    """Set `near` to 1 where a future comes within `reach` of an obstacle that moves from p to q meanwhile [m]."""
-    for k in range(len(near)):
-        square = gap_square(px - x[k], py - y[k], qx - x[k] - dx[k], qy - y[k] - dy[k])
-        near[k] = 1.0 if square < reach * reach else near[k]
+def _look(
+    now: tuple[Floats, Floats], move: tuple[Floats, Floats], px: float, py: float, qx: float, qy: float,
+    squares: Floats, within: float,
+) -> int:  # fmt: skip
+    """Fill in squares of the futures' least distances to what moves from p to q; return how many are `within` [m2]."""
+    (x, y), (dx, dy), n = now, move, 0
+    for k in range(len(squares)):
+        squares[k] = gap_square(px - x[k], py - y[k], qx - x[k] - dx[k], qy - y[k] - dy[k])
+        n += 1 if squares[k] < within else 0
+    return n
+
+
+@kernel
+def _note_gaps(squares: Floats, reach: float, least: Floats, met: Floats) -> None:
+    """Lower the futures' least gaps [m] to those of squares of distances; set `met` to 1 where there is contact."""
+    for k in range(len(squares)):
+        is_less = squares[k] < (reach + least[k]) * (reach + least[k])
+        least[k] = min(least[k], np.sqrt(squares[k]) - reach) if is_less else least[k]
+        met[k] = 1.0 if squares[k] < reach * reach else met[k]
 
 
 @kernel
@@ -161,21 +175,23 @@ def _step(
     #   step 1   ────────┼───┼───┼───                that one is
     places, reaches, n, step = world
     now, after = t & 1, (t + 1) & 1
-    x, y, dx, dy, near = lanes[X, now], lanes[Y, now], lanes[DX, 0], lanes[DY, 0], lanes[NEAR, 0]
+    x, y, dx, dy = lanes[X, now], lanes[Y, now], lanes[DX, 0], lanes[DY, 0]
+    middle, squares, met = lanes[SCRATCH, 0], lanes[SCRATCH, 0], lanes[MET, 0]
     for k in range(len(dx)):
         dx[k], dy[k] = samples[k, t, 0], samples[k, t, 1]
     _limit(dx, lanes[V, now], limits[2] * step, 0.0, limits[0], lanes[V, after])
     _limit(dy, lanes[W, now], limits[3] * step, -limits[1], limits[1], lanes[W, after])
-    _turn(lanes[W, now], lanes[W, after], lanes[HEADING_NOW, now], step, near, lanes[HEADING_NOW, after])
-    sin_cos_each(near, dy, dx)
+    _turn(lanes[W, now], lanes[W, after], lanes[HEADING_NOW, now], step, middle, lanes[HEADING_NOW, after])
+    sin_cos_each(middle, dy, dx)
     _move(lanes[V, now], lanes[V, after], step, dx, dy)
-    near[:] = 0.0
+    met[:] = 0.0
     far = (t + 1) * step * max(limits[0], abs(robot[3]))  # no future has come farther than this
     for i in range(n):
         px, py, qx, qy = places[t, i, 0], places[t, i, 1], places[t + 1, i, 0], places[t + 1, i, 1]
         square, reach = gap_square(px - robot[0], py - robot[1], qx - robot[0], qy - robot[1]), reaches[i] + comfort
-        if not square > (far + reach) * (far + reach) * _ROUNDED + _ROUNDED - 1.0:
-            _note_near(x, y, dx, dy, px, py, qx, qy, reach, near)
+        is_away = square > (far + reach) * (far + reach) * _ROUNDED + _ROUNDED - 1.0
+        if not is_away and _look((x, y), (dx, dy), px, py, qx, qy, squares, reach * reach) > 0:
+            _note_gaps(squares, reaches[i], lanes[LEAST, 0], met)
     for k in range(len(dx)):
         lanes[X, after, k] = x[k] + dx[k]
     for k in range(len(dy)):
@@ -186,25 +202,22 @@ def _step(
 def _meet(
     t: int, k: int, n_steps: int, world: tuple[Floats, Floats, int, float], weights: Floats, lanes: Floats
 ) -> None:
-    """Note what a future meets in a step that comes near to something."""
+    """Let a future pay for the contact that it has in a step."""
     places, reaches, n, step = world
     now, after = t & 1, (t + 1) & 1
     x, y, dx, dy = lanes[X, now, k], lanes[Y, now, k], lanes[DX, 0, k], lanes[DY, 0, k]
     way = 0.5 * (lanes[V, now, k] + lanes[V, after, k]) * step
+    urgency = 1.0 - t / n_steps
     for i in range(n):
         x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
         x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
-        square, least = gap_square(x0, y0, x1, y1), lanes[LEAST, 0, k]
-        if square < (reaches[i] + least) * (reaches[i] + least):
-            lanes[LEAST, 0, k] = min(least, np.sqrt(square) - reaches[i])
-            if square < reaches[i] * reaches[i]:
-                urgency = 1.0 - t / n_steps
-                if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
-                    paid = lanes[PAID, 0, k] + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS]
-                    lanes[PAID, 0, k], lanes[STATE, 0, k] = paid, ENDED
-                    return
-                if lanes[STATE, 0, k] == FREE:
-                    lanes[PAID, 0, k], lanes[STATE, 0, k] = weights[COLLISION] * 0.5 * urgency, TOUCHED
+        if gap_square(x0, y0, x1, y1) < reaches[i] * reaches[i]:
+            if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
+                paid = lanes[PAID, 0, k] + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS]
+                lanes[PAID, 0, k], lanes[STATE, 0, k] = paid, ENDED
+                return
+            if lanes[STATE, 0, k] == FREE:
+                lanes[PAID, 0, k], lanes[STATE, 0, k] = weights[COLLISION] * 0.5 * urgency, TOUCHED
 
 
 @kernel
@@ -232,11 +245,11 @@ def score(
         lanes[LEAST, 0, k], lanes[PAID, 0, k], lanes[STATE, 0, k] = comfort, 0.0, FREE
     for t in range(n_steps):
         _step(t, robot, samples, limits, world, comfort, lanes)
-        v, w, near, state = lanes[V, (t + 1) & 1], lanes[W, (t + 1) & 1], lanes[NEAR, 0], lanes[STATE, 0]
+        v, w, met, state = lanes[V, (t + 1) & 1], lanes[W, (t + 1) & 1], lanes[MET, 0], lanes[STATE, 0]
         for k in range(n_samples):
             if state[k] != ENDED:
                 samples[k, t, 0], samples[k, t, 1] = v[k], w[k]
-                if near[k] != 0.0:
+                if met[k] != 0.0:
                     _meet(t, k, n_steps, world, weights, lanes)
     last = n_steps & 1
     sines, cosines = lanes[DY, 0], lanes[DX, 0]
@@ -253,19 +266,30 @@ def score(
 
 
 @kernel
-def improve(
-    robot: Floats, goal: tuple[float, float], limits: Floats, world: tuple[Floats, Floats, int, float],
-    weights: Floats, comfort: float, noise: tuple[Floats, float, float], stream: Stream, pool: Floats, plan: Floats,
-    samples: Floats, costs: Floats, lanes: Floats,
-) -> None:  # fmt: skip
-    """Replace the plan by the average of futures around it: `sample`, `score` and `average` in one call.
+def next_speeds(
+    robot: Floats, goal: tuple[float, float], speed: float, limits: Floats, obstacles: Floats,
+    around: tuple[float, float, float], shift: float, noise: tuple[Floats, float, float], weights: Floats,
+    halt: tuple[float, float], memory: Memory,
+) -> tuple[float, float]:  # fmt: skip
+    """Move the plan on by `shift` of its steps, replace it by the average of futures around it; return its first v, w.
 
-    `noise` is spread and fresh of `sample`, and the temperature of `average`.
+    No faster than `speed`, and 0 where that would run into something within a time [s] at a radius [m]: `halt`.
+    `around` is the robot's radius with its margin, the comfort [m], and the length of a step [s]; `noise` is spread and
+    fresh of `sample`, and the temperature of `average`.
     """
+    places, reaches, stream, pool, plan, samples, costs, lanes = memory
+    radius, comfort, step = around
     spread, fresh, temperature = noise
+    if shift > 0.0:
+        shift_plan(plan, shift)
+    n = extrapolate(robot, obstacles, limits[0], radius, comfort, step, places, reaches)
     sample(plan, limits[0], spread, fresh, stream, pool, samples, costs)
-    score(robot, goal, limits, world, weights, comfort, samples, costs, lanes)
+    score(robot, goal, limits, (places, reaches, n, step), weights, comfort, samples, costs, lanes)
     average(samples, costs, temperature, plan)
+    v, w = min(plan[0, 0], speed), plan[0, 1]
+    if halt[0] > 0.0 and runs_into(robot, v, w, obstacles, halt[1], halt[0], _HALT_STEP)[1] >= 0:
+        v = 0.0
+    return v, w
 
 
 OPTIONS: Options = {
@@ -303,12 +327,17 @@ class Mppi:
         self._noise = np.array([o.speed_spread, o.yaw_rate_spread, o.smooth]), o.fresh, o.temperature
         self._weights = np.array([o.collision, o.progress, o.heading, o.gap, o.control])
         self._stream, self._pool = np.zeros(1, np.uint64), np.empty(_POOL)
-        self._plan, self._samples = np.zeros((o.n_steps, 2)), np.empty((o.n_samples, o.n_steps, 2))
-        self._costs, self._lanes = np.empty(o.n_samples), np.empty((LANES, 2, o.n_samples))
-        self._places, self._reaches = np.empty((o.n_steps + 1, 0, 2)), np.empty(0)
-        self._limits = np.zeros(4)
+        self._plan, self._limits = np.zeros((o.n_steps, 2)), np.zeros(4)
+        self._memory = self._memory_for(0)
         self._surroundings, self._route = Surroundings(), Route(o.margin)
         self._last = math.nan
+
+    def _memory_for(self, n_obstacles: int) -> Memory:
+        o = self._options
+        return (
+            np.empty((o.n_steps + 1, n_obstacles, 2)), np.empty(n_obstacles), self._stream, self._pool, self._plan,
+            np.empty((o.n_samples, o.n_steps, 2)), np.empty(o.n_samples), np.empty((LANES, 2, o.n_samples)),
+        )  # fmt: skip
 
     def reset(self, task: Task) -> None:
         """Begin a case: draw its random numbers from its seed, and plan to stand."""
@@ -330,21 +359,13 @@ class Mppi:
         _, _, _, speed = towards(observation, aim)
         if speed == 0.0:
             return Command(0.0, 0.0)
-        if elapsed > 0.0:
-            shift_plan(self._plan, elapsed / o.step)
-        radius, top = task.robot_radius + o.margin, task.limits.speed
-        obstacles = self._surroundings.with_walls(observation, radius + o.comfort + top * len(self._plan) * o.step)
-        if len(obstacles) > len(self._reaches):
-            self._places = np.empty((len(self._plan) + 1, len(obstacles), 2))
-            self._reaches = np.empty(len(obstacles))
-        n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
-        world = self._places, self._reaches, n, o.step
-        improve(
-            robot, aim[:2], self._limits, world, self._weights, o.comfort, self._noise, self._stream, self._pool,
-            self._plan, self._samples, self._costs, self._lanes,
+        radius = task.robot_radius + o.margin
+        ahead = radius + o.comfort + task.limits.speed * o.n_steps * o.step
+        obstacles = self._surroundings.with_walls(observation, ahead)
+        if len(obstacles) > len(self._memory[1]):
+            self._memory = self._memory_for(len(obstacles))
+        v, w = next_speeds(
+            robot, aim[:2], speed, self._limits, obstacles, (radius, o.comfort, o.step), elapsed / o.step, self._noise,
+            self._weights, (o.halt_time, task.robot_radius + o.halt_margin), self._memory,
         )  # fmt: skip
-        v, w = min(float(self._plan[0, 0]), speed), float(self._plan[0, 1])
-        radius = task.robot_radius + o.halt_margin
-        if o.halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, o.halt_time, _HALT_STEP)[1] >= 0:
-            v = 0.0
         return Command(v, w)
