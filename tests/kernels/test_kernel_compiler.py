@@ -83,6 +83,19 @@ def total(values):
 TABLE = np.arange(200_000.0)  # more than Numba copies into code on its own
 
 @kernel
+def shown(x):
+    print(x)
+    return x
+
+@kernel
+def shows(x):
+    return 2.0 * shown(x)
+
+@kernel
+def doubles(values, out):
+    return doubled(values, out)[0]
+
+@kernel
 def looked_up(i):
     return TABLE[i]
 
@@ -94,15 +107,20 @@ def tell(*results):
 """
 
 
-def told(folder: Path, call: str) -> dict[str, object]:
-    """Return what a process of its own says of these kernels, once it has called some."""
+def ran(folder: Path, call: str) -> str:
+    """Return what a process of its own prints that has these kernels."""
     if not (folder / "chain.py").exists():
         (folder / "chain.py").write_text(KERNELS)
     done = subprocess.run(
         [sys.executable, "-c", f"from chain import *\n{call}"], cwd=folder, capture_output=True, text=True, check=True,
         env={**os.environ, "PARCOURS_CACHE_DIR": str(folder / "kept")}, timeout=300,
     )  # fmt: skip
-    said: dict[str, object] = json.loads(done.stdout)
+    return done.stdout
+
+
+def told(folder: Path, call: str) -> dict[str, object]:
+    """Return what a process of its own says of these kernels, once it has called some."""
+    said: dict[str, object] = json.loads(ran(folder, call))
     return said
 
 
@@ -187,3 +205,20 @@ tell(len(ours), [sorted(set(vars(one)) - names) for one, names in zip(ours, befo
 """
     n, added = told(tmp_path, call)["results"]  # type: ignore[misc]
     assert n > 5 and added == [[]] * n  # type: ignore[has-type]
+
+
+def test_an_inner_kernel_may_print_which_needs_the_environment_that_is_kept_with_it(tmp_path: Path) -> None:
+    for _ in range(2):
+        assert ran(tmp_path, "print(shows(3.0))") == "3.0\n6.0\n"
+
+
+def test_code_that_makes_no_arrays_is_loaded_without_what_arrays_need(tmp_path: Path) -> None:
+    call = """
+def needs():
+    from numba.core.runtime import rtsys
+    return ["numba.np.arrayobj" in sys.modules, rtsys._init]
+
+tell(total(np.ones(3)), needs(), doubles(np.ones(2), np.ones(2)), doubled(np.ones(2), np.ones(2)).tolist(), needs()[1])
+"""
+    told(tmp_path, call)
+    assert told(tmp_path, call)["results"] == [3.0, [False, False], 2.0, [2.0, 2.0], True]
