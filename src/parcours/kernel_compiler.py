@@ -173,7 +173,7 @@ class _Whole(_Code):
         return any(function.name.startswith("NRT_") for function in self._final_module.functions)
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
-        """Return machine code and, for the process that loads it, the name of what Python calls: nothing is linked into it."""
+        """Return machine code and the name of what Python calls, for the process that loads it: nothing links to it."""
         name = self._kernel.llvm_cpython_wrapper_name
         named = llvm.parse_assembly(f'define void @"{name}"() {{ ret void }}').as_bitcode()
         return self.name, "object", (self._get_compiled_object(), named)
