@@ -221,7 +221,7 @@ def earliest_outer(
     left = False  # whether somebody may be outside the lattice's square, and come back
     for k in range(lattice.n_steps + 1):
         if k > 0:
-            box = reached_box(lattice, k)  # so do the caps: who comes back is in it
+            box = reached_box(lattice, k)  # the cap lies in it as well, and with it whatever comes back
             grow_outer(bits, wide, box)
             if not left:
                 left = _touches(bits, edge, box)

@@ -21,6 +21,7 @@ from parcours_navigation.arena.lattice import (
     lay_lattice,
     lay_points,
     put,
+    reached_box,
     take_disc,
 )  # fmt: skip
 
@@ -120,3 +121,23 @@ def test_caps_hold_what_could_be_on_a_way_and_little_more() -> None:
     j, i = np.nonzero(last)
     far = np.hypot(record.x0 + i * record.spacing - 2.0, record.y0 + j * record.spacing - 2.0)
     assert 0.2 < far.max() < 0.2 + 2.0 * record.spacing + record.v_max * record.step
+
+
+@pytest.mark.parametrize(("start", "goal", "margin"), [((0.0, 0.0), (2.0, 2.0), 0.5), ((1.0, -3.0), (0.9, 4.0), 0.05)])
+def test_no_set_leaves_the_box_that_is_reached(
+    start: tuple[float, float], goal: tuple[float, float], margin: float
+) -> None:
+    record = lay_points(start, goal, 0.2, 40.0, 0.25, 0.125, margin)
+    caps, wide = lay_lattice(record).caps, np.zeros((4, *empty().shape), np.uint64)
+    everywhere, within = empty(), empty()
+    for bits in (everywhere, within):
+        put(bits, record.column, record.row)
+    for k in range(1, 70):
+        box = reached_box(record, k)
+        beyond = caps[k].copy()
+        beyond[box[0] : box[1], box[2] : box[3]] = 0
+        assert not beyond.any(), "nothing comes back outside the box"
+        grow_outer(everywhere, wide, EVERYWHERE)
+        wide[:, :, EDGE:-EDGE] = ~np.uint64(0)  # what another case left there
+        grow_outer(within, wide, box)
+        assert (everywhere == within).all()
