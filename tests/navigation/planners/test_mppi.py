@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from parcours.elementary import PI, sin_cos
+from parcours.elementary import PI, exp, sin_cos
 from parcours.errors import BadRequest
 from parcours.streams import start
 from parcours_navigation.arena.contact import gap_square
-from parcours_navigation.planners.motion import sin_cos_each
+from parcours_navigation.planners.motion import exp_each, sin_cos_each
 from parcours_navigation.planners.mppi import (
     _MOVING,
     COLLISION,
@@ -173,6 +173,13 @@ def test_many_sines_and_cosines_at_a_time_are_to_the_bit_those_of_one() -> None:
     alone = np.array([sin_cos(angle) for angle in angles.tolist()])
     assert sines.tobytes() == alone[:, 0].tobytes()
     assert cosines.tobytes() == alone[:, 1].tobytes()
+
+
+def test_many_powers_at_a_time_are_to_the_bit_those_of_one() -> None:
+    powers = np.random.default_rng(5).uniform(-699.0, 699.0, 9999)
+    alone = np.array([exp(one) for one in powers.tolist()])
+    exp_each(powers)
+    assert powers.tobytes() == alone.tobytes()
 
 
 def test_futures_driven_side_by_side_are_to_the_bit_those_that_are_driven_alone() -> None:
