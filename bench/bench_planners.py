@@ -5,6 +5,8 @@ python bench/bench_planners.py
 The first three do nothing but answer, so what they take is the host's: world, messages, judging. Processor time, best
 of three. What is hoped for is 500 cases a second; the ratio says how far each is from that.
 
+Answers to random scenes, which are all new to the planner, are timed one by one (docs/shipped-planners.md).
+
 The last two lines are for machines. A step of ORCA is the answer to an observation of three obstacles: ours by
 `observe`, navground's (if it is installed) by `compute_cmd` of a behaviour that knows its neighbours already, the two
 in turn. Batched cases are those of a planner for batches that answers (0, 0), and of a network with two layers.
@@ -22,7 +24,9 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest
 from parcours_navigation.adapters.navground import ORCA
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.checking.scenes import script, standard_task
+from parcours_navigation.checking.scenes import Row, observation, script, standard_task
+from parcours_navigation.planners.dwa import Dwa
+from parcours_navigation.planners.mppi import Mppi
 from parcours_navigation.planners.orca import Orca
 from parcours_navigation.protocol import Answer, Observation, Observations, Task, Trajectory
 from parcours_navigation.study.study import NavigationStudy
@@ -86,6 +90,26 @@ def batched(planner: type, cases: SystemCases, n: int = 1024) -> float:
     return n / took
 
 
+def observed(planner: type[Orca] | type[Dwa] | type[Mppi], n_obstacles: int, n_scenes: int = 200) -> float:
+    """Return how long an answer takes to one of random scenes, with nothing within 0.4 m of the robot: median [us]."""
+    draw, task = np.random.default_rng(3).uniform, standard_task()
+    took: list[float] = []
+    plugin = planner()
+    plugin.reset(task)
+    for k in range(n_scenes):
+        rows: list[Row] = []
+        while len(rows) < n_obstacles:
+            x, y, heading, v, w = draw((-0.5, -0.5, -3.0, 0.0, -0.5), (2.5, 2.5, 3.0, 0.3, 0.5)).tolist()
+            if np.hypot(x, y) > 0.4:
+                rows.append((x, y, heading, v, w, 0.1))
+        seen = observation(task, (0.0, 0.0, 0.78, 0.1, 0.0), rows, 0.05 * k)
+        for _ in range(TRIES):
+            begin = time.perf_counter()
+            plugin.observe(seen)
+            took.append(time.perf_counter() - begin)
+    return float(np.median(took[TRIES:])) * 1e6
+
+
 def orca_steps() -> tuple[float, float]:
     """Return the processor time of a step of ORCA, ours and navground's [us]; NaN if that is not installed."""
     task = standard_task()
@@ -138,6 +162,9 @@ def main() -> None:
             f" {asked / n:>4.0f} a case; {n / took / HOPED:>5.2f} x {HOPED:.0f} cases/s",
             flush=True,
         )
+    for one in (Orca, Dwa, Mppi):
+        few, many = observed(one, 3), observed(one, 50)
+        print(f"{one.__name__.lower():5} {few:>5.1f} us an answer to a random scene of 3 obstacles, {many:.1f} of 50")
     ours, peer = orca_steps()
     print(f"orca us/step: {ours:.2f}, navground {peer:.2f}")
     print(f"batched cases/s: {batched(Stands, cases):.0f}, two layers {batched(Network, cases):.0f}")
