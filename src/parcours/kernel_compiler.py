@@ -40,7 +40,7 @@ from parcours.kernel_lowering import KernelContext, KernelLowering
 
 D = TypeVar("D", bound=CPUDispatcher)
 
-# Numba asks for it whenever it meets a record: for the first arguments of a command, it took longer than their kernels.
+# Numba builds it whenever it meets a record, which took longer than loading the kernel that the record was given to.
 numpy_support.as_struct_dtype = functools.cache(numpy_support.as_struct_dtype)
 
 _KERNELS: set[CodeType] = set()
@@ -147,8 +147,7 @@ class _Whole(_Code):
     def _optimize_final_module(self) -> None:
         """Optimise it, knowing that all but the kernel itself is called from here only.
 
-        Of the environments of other kernels, those stay that something reads: few, for who loads one loads the module
-        that it belongs to.
+        Environments of other kernels are dropped unless some code reads them: to load one, its module is imported.
         """
         for function in self._final_module.functions:
             if function.linkage == llvm.Linkage.linkonce_odr:

@@ -34,8 +34,8 @@ _MOVING = 1e-3
 COLLISION, PROGRESS, HEADING, GAP, CONTROL = range(5)
 """Columns of the weights of a future's cost."""
 X, Y, HEADING_NOW, V, W, DX, DY, SCRATCH, MET, LEAST, PAID, STATE = range(12)
-"""What is known of all futures in a step: place, heading and speeds before it and after it, its move, something else,
-whether it meets anything; of the way up to there the least gap [m], what contact has cost, and a state as below."""
+"""What is known of all futures in a step: place, heading and speeds before and after it, the move between, room for
+intermediate results, and whether anything is met; of the way so far the least gap [m], the cost of contact, a state."""
 LANES = 12
 Memory = tuple[Floats, Floats, Stream, Floats, Floats, Floats, Floats, Floats]
 """Places and reaches of `extrapolate`, a stream and its pool, the plan, samples, their costs, lanes."""
@@ -147,7 +147,7 @@ def _look(
     now: tuple[Floats, Floats], move: tuple[Floats, Floats], px: float, py: float, qx: float, qy: float,
     squares: Floats, within: float,
 ) -> int:  # fmt: skip
-    """Fill in squares of the futures' least distances to what moves from p to q; return how many are `within` [m2]."""
+    """Fill in the futures' least squared distances [m2] to what moves from p to q; return how many are < `within`."""
     (x, y), (dx, dy), n = now, move, 0
     for k in range(len(squares)):
         squares[k] = gap_square(px - x[k], py - y[k], qx - x[k] - dx[k], qy - y[k] - dy[k])
@@ -157,7 +157,7 @@ def _look(
 
 @kernel
 def _note_gaps(squares: Floats, reach: float, least: Floats, met: Floats) -> None:
-    """Lower the futures' least gaps [m] to those of squares of distances; set `met` to 1 where there is contact."""
+    """Lower the futures' least gaps [m] where these squared distances are less; set `met` to 1 on contact."""
     for k in range(len(squares)):
         is_less = squares[k] < (reach + least[k]) * (reach + least[k])
         least[k] = min(least[k], np.sqrt(squares[k]) - reach) if is_less else least[k]
@@ -169,7 +169,7 @@ def _step(
     t: int, robot: Floats, samples: Floats, limits: Floats, world: tuple[Floats, Floats, int, float], comfort: float,
     lanes: Floats,
 ) -> None:  # fmt: skip
-    """Drive all futures side by side through a step, each in a lane, and note where they come near to obstacles."""
+    """Drive all futures side by side through a step, each in a lane, and note their gaps to obstacles and contact."""
     #            lane  0 │ 1 │ 2 │ ... n_samples     one instruction of the processor moves several futures on:
     #   step 0   ────────┼───┼───┼───                nothing that it does for one depends on another, or on where
     #   step 1   ────────┼───┼───┼───                that one is
