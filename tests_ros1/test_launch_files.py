@@ -14,6 +14,7 @@ from parcours.run.binding import read_binding
 from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
+from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.checking import is_own
 from parcours_navigation.foreign.isolation import ProcessOrder
 from parcours_navigation.foreign.results import Result
@@ -81,7 +82,8 @@ def run(binding: Path, out: Path, **wanted: Any) -> list[Result]:
 
 def test_nodes_of_a_launch_file_are_kept_in_order_and_drive(launched: Path, tmp_path: Path) -> None:
     results = run(launched, tmp_path, abstract=("sense_to_motion-tp11.tp32-0.0/0",), system=(0,), protocol="empty")
-    assert [one.judged.judgement.verdict.value for one in results] == ["pass", "pass"], results
+    judgements = [one.judged.judgement for one in results]
+    assert [one.verdict for one in judgements] == [Verdict.PASS, Verdict.PASS], [one.why for one in judgements]
     assert is_own(read_binding(launched), None, "own")
 
 

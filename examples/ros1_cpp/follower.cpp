@@ -29,8 +29,8 @@ class Follower {
     stop_distance_ = own_.param("stop_distance", 0.5);
     arrived_ = own_.param("arrived", 0.1);
     plan_ = node_.serviceClient<nav_msgs::GetPlan>("/plan");
-    commands_ = node_.advertise<geometry_msgs::Twist>("/cmd_vel", 1);
-    stops_ = node_.advertise<std_msgs::Bool>("/stopped", 1, true);
+    commands_ = node_.advertise<geometry_msgs::Twist>("/cmd_vel", 10);
+    stops_ = node_.advertise<std_msgs::Bool>("/stopped", 10, true);
     const auto hints = ros::TransportHints().tcpNoDelay();
     topics_ = {node_.subscribe("/odom", 1, &Follower::onOdometry, this, hints),
                node_.subscribe("/obstacles", 1, &Follower::onObstacles, this, hints),

@@ -28,8 +28,9 @@ class Follower:
         self.pose = self.goal = None
         self.path, self.obstacles = [], []
         self.plan = rospy.ServiceProxy("/plan", GetPlan)
-        self.commands = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
-        self.stops = rospy.Publisher("/stopped", Bool, queue_size=1, latch=True)
+        # One command and one /stopped belong together: on a busy machine, queues of one would lose now this, now that.
+        self.commands = rospy.Publisher("/cmd_vel", Twist, queue_size=10)
+        self.stops = rospy.Publisher("/stopped", Bool, queue_size=10, latch=True)
         rospy.Subscriber("/odom", Odometry, self.on_odometry, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("/obstacles", PoseArray, self.on_obstacles, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("/goal", PoseStamped, self.on_goal, queue_size=1)
