@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from parcours.errors import BadRequest
 from parcours.model.structure import Machine, Transition
 from parcours.paths.automaton import outermost
+from parcours.paths.flow import _circulation
 from parcours.paths.graph import Graph, Walk, graph_of
+from parcours.paths.joining import Arcs, Integers
 from parcours.paths.visiting import cover_sequences
 
 
@@ -108,6 +110,19 @@ def test_cycles_are_joined_also_by_going_there_and_back(task: tuple[Graph, list[
     assert len(cover.paths) == optimum(graph, sequences)[0]
     assert all(is_run(graph, path) for path in cover.paths)
     assert all(any(contains(path, each) for path in cover.paths) for each in sequences)
+
+
+@given(tasks(most_sequences=12))
+def test_no_network_is_solved_twice(task: tuple[Graph, list[Walk]]) -> None:
+    solved: list[tuple[bytes, bytes, int]] = []
+
+    def watched(closed: Arcs, most: int) -> Integers:
+        solved.append((closed.least.tobytes(), closed.costs.tobytes(), most))
+        return _circulation(closed, most)
+
+    with patch("parcours.paths.flow._circulation", watched):
+        cover_sequences(*task)
+    assert len(solved) == len(set(solved))
 
 
 @given(tasks(most_sequences=6), st.integers(1, 12))

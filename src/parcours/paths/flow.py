@@ -57,7 +57,7 @@ def passages(arcs: Arcs) -> Passages:
     taken = _circulation(closed, n_beginnings)
     shortest = int(taken @ closed.costs)
     if groups(closed, taken).max() > 0:
-        taken = _joined(closed, component, between, n_beginnings)
+        taken = _joined(closed, taken, component, between)
         if taken @ closed.costs > shortest:
             taken, shortest = tightened(closed, taken, shortest)
     n_arcs = arcs.sources.size
@@ -146,23 +146,26 @@ def _solved(problem: Flows, capacities: Integers) -> Integers:
     return np.asarray(network.flows(numbers), dtype=np.int64)
 
 
-def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:
-    """Return the cheapest passages without detached cycles that were found.
+def _joined(closed: Arcs, cheapest: Integers, component: Integers, between: Integers) -> Integers:
+    """Return the cheapest passages without detached cycles that were found, given the cheapest with such cycles.
 
     Where the walks are led through every component that must be visited, each cycle lies in a component that some
     walk visits, and can be joined to it; without leading them it may fail, but is cheaper where it does not.
     """
+    n_beginnings = int(closed.least[-1])
     tried = []
     for least in (closed.least.copy(), np.maximum(closed.least, between)):
         led = Arcs(closed.n_nodes, closed.sources, closed.targets, closed.costs, least, closed.ends)
-        taken = _circulation(led, n_beginnings)
+        taken = cheapest if (least == closed.least).all() else _circulation(led, n_beginnings)
         for _ in range(_ROUNDS):
             where = groups(led, taken)
             if where.max() <= 0:
                 tried.append(taken)
                 break
-            for way in ways_there(led, component, where):
-                least[way] = np.maximum(least[way], 1)
+            missing = [arc for way in ways_there(led, component, where) for arc in way if least[arc] < 1]
+            if not missing:
+                break  # solved again, it would be the same
+            least[missing] = 1
             taken = _circulation(led, n_beginnings)
     if tried:
         return min(tried, key=lambda taken: int(taken @ closed.costs))
