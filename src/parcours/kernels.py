@@ -2,7 +2,8 @@
 
 Numba's disk cache looks only at the file a kernel stands in: it misses an edit in another file whose kernel was
 inlined, and a change of compiler flags. So the cache lives in a folder named by a hash of every kernel source and of
-the library versions; an edit anywhere starts a fresh folder, and stale machine code can never run.
+the library versions; an edit anywhere starts a fresh folder, and stale machine code can never run. Folders of other
+versions are removed then, once nobody has used them for a week.
 
 Without numba, kernels run as plain Python: the same results, slowly. It is loaded when a kernel is first called, since
 it takes as long to load as many a command.
@@ -18,8 +19,10 @@ import functools
 import hashlib
 import os
 import re
+import shutil
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -35,6 +38,10 @@ Record = Any
 """A numpy record (or array of records) of a dtype that the kernel's docstring names; numba reads its fields by name."""
 
 _PACKAGE = Path(__file__).parent
+_FOLDER = "kernels-"
+_UNUSED = 7 * 24 * 3600
+"""How long a folder of machine code must not have been used to be removed [s]."""
+
 _LOADING = threading.Lock()
 _loaded: list[Any] = []  # the module that compiles kernels, or None, once that is known
 _kept_in = ""  # the folder for the machine code of kernels that are defined now; that of `kernel_cache` if empty
@@ -61,6 +68,7 @@ def _load() -> Any:
         return None
     from parcours import kernel_compiler
 
+    _use(kernel_cache())
     numba.config.CACHE_DIR = str(kernel_cache())
     _share_words()
     return kernel_compiler
@@ -86,7 +94,19 @@ def kernel_cache() -> Path:
                     digest.update(text + b"\0")
     home = os.environ.get("PARCOURS_CACHE_DIR")
     base = Path(home) if home else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "parcours"
-    return base / f"kernels-{digest.hexdigest()[:16]}"
+    return base / f"{_FOLDER}{digest.hexdigest()[:16]}"
+
+
+def _use(folder: Path) -> None:
+    """Note that a folder is used now; if it is a new one, remove those beside it that nobody uses any more."""
+    with contextlib.suppress(OSError):  # a folder that cannot be written to may still be read
+        is_new = not folder.exists()
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        for other in folder.parent.glob(f"{_FOLDER}{'[0-9a-f]' * 16}") if is_new else ():
+            if time.time() - other.stat().st_mtime > _UNUSED:
+                # A process that still runs that version compiles again what it misses.
+                shutil.rmtree(other, ignore_errors=True)
 
 
 def kernel(function: F) -> F:

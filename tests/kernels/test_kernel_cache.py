@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import parcours
@@ -109,11 +110,58 @@ print(kernels.is_warm(), told)
 
 
 def test_compiling_is_told_once_by_a_process_that_compiles_and_by_no_later_one(tmp_path: Path) -> None:
-    environment = {**os.environ, "PARCOURS_CACHE_DIR": str(tmp_path)}
-    said = [
-        subprocess.run(
-            [sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True, timeout=300
-        ).stdout
-        for _ in range(2)
-    ]
-    assert said == ["True ['compiling']\n", "True []\n"]
+    assert [_run(COLD, tmp_path) for _ in range(2)] == ["True ['compiling']\n", "True []\n"]
+
+
+def _run(code: str, home: Path) -> str:
+    environment = {**os.environ, "PARCOURS_CACHE_DIR": str(home)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, timeout=300
+    )
+    return done.stdout
+
+
+WEEK = 7 * 24 * 3600
+CALLED = "from parcours import kernels; print(kernels.is_compiled())"
+
+
+def _made(folder: Path, age: float) -> Path:
+    (folder / "streams_1").mkdir(parents=True)
+    (folder / "streams_1" / "below.nbc").write_bytes(b"code")
+    os.utime(folder, (time.time() - age,) * 2)
+    return folder
+
+
+def test_a_new_version_removes_what_others_have_kept_once_nobody_has_used_it_for_a_week(tmp_path: Path) -> None:
+    old, recent = _made(tmp_path / f"kernels-{'0a' * 8}", WEEK + 60), _made(tmp_path / f"kernels-{'1b' * 8}", WEEK - 60)
+    others = [_made(tmp_path / name, 9 * WEEK) for name in ("ros2", "kernels-of-mine", f"kernels-{'0a' * 9}")]
+    (tmp_path / f"kernels-{'2c' * 8}").symlink_to(others[0])
+    assert _run(CALLED, tmp_path) == "True\n"
+    assert not old.exists()
+    assert all(any(folder.rglob("*.nbc")) for folder in (recent, *others))
+
+
+def test_what_is_used_now_counts_as_used_and_removes_nothing(tmp_path: Path) -> None:
+    mine = _cache_of(Path(parcours.__file__).parent.parent, tmp_path)
+    _made(mine, 2 * WEEK)
+    old = _made(tmp_path / f"kernels-{'0a' * 8}", 2 * WEEK)
+    assert _run(CALLED, tmp_path) == "True\n"
+    assert time.time() - mine.stat().st_mtime < WEEK
+    assert old.exists()
+
+
+LATE = """
+import shutil, numpy as np
+from parcours import kernels, streams
+stream = np.zeros(1, np.uint64)
+streams.start(stream, np.uint64(1), np.uint64(3), np.uint64(9))
+shutil.rmtree(kernels.kernel_cache())
+print(streams.below(stream, 7), kernels.is_warm())
+"""
+
+
+def test_a_process_whose_folder_is_removed_compiles_again_what_it_misses(tmp_path: Path) -> None:
+    kept, removed = _run(LATE.replace("shutil.rmtree", "print"), tmp_path / "a"), _run(LATE, tmp_path / "b")
+    assert kept.splitlines()[-1] == removed.splitlines()[-1]
+    assert removed.endswith("True\n")
+    assert _run(LATE, tmp_path / "a") == removed, "a warm one, too"

@@ -13,6 +13,7 @@ def command(workers: int) -> None:
     """Compile all kernels for this machine, once, on all processors, for example in an image.
 
     Any command compiles the missing kernels that it needs. PARCOURS_CACHE_DIR says where machine code is kept.
+    That of other versions is removed once nobody has used it for a week.
 
     Example: parcours compile
     """
