@@ -209,7 +209,7 @@ def _hasten() -> None:
     All that Numba compiles in this process goes through it; only the message about shapes is another one.
     """
     from numba import extending
-    from numba.core import base, postproc, transforms
+    from numba.core import base, postproc, targetconfig, transforms
     from numba.core.typing import templates
     from numba.np import arrayobj
 
@@ -228,6 +228,18 @@ def _hasten() -> None:
         return look_up(function, context, args, kws)
 
     types.Function.get_call_type = get_call_type  # type: ignore[method-assign,assignment]
+
+    # Every call of what Numba ships compares the flags of its callers, mostly equal ones, looking up each of forty.
+    config_class = targetconfig.TargetConfig
+    compare = config_class.__eq__
+
+    def is_same(flags: Any, others: Any) -> Any:
+        return (type(flags) is type(others) and flags._values == others._values) or compare(flags, others)
+
+    config_class.__eq__ = is_same
+
+    # Nobody listens to when LLVM is locked and unlocked, which is at every step.
+    llvm.ffi.lib._lock._cblist.clear()
 
     # Every call of what Numba ships looks at the signature of its implementation.
     base._has_loc = functools.cache(base._has_loc)
