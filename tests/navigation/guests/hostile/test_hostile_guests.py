@@ -28,7 +28,7 @@ from parcours_navigation.study import study as study_module
 from parcours_navigation.study.study import NavigationStudy
 
 CASES = SystemCases(1)
-SHORT = Scenario(time_limit=0.6, call_timeout=0.25)
+SHORT = Scenario(time_limit=0.6, call_timeout=0.5)
 N_TOGETHER = 8  # deeds in one campaign
 N_CASES = 3 * N_TOGETHER  # the second of every three is guilty
 PATIENCE, SHORTER = 60.0, 2.0  # for what is loaded, and for what is known not to come to an end [s]
