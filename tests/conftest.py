@@ -1,4 +1,4 @@
-"""Settings of all tests: property tests never fail because the machine is slow, nor others in the background."""
+"""Settings of all tests: none fails because the machine is slow, or because a shell runs it in the background."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ settings.register_profile(
 )
 settings.load_profile("parcours")
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells leave it to what they start in the background
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # shells start background jobs like this
     signal.signal(signal.SIGINT, signal.default_int_handler)

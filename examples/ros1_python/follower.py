@@ -28,7 +28,7 @@ class Follower:
         self.pose = self.goal = None
         self.path, self.obstacles = [], []
         self.plan = rospy.ServiceProxy("/plan", GetPlan)
-        # One command and one /stopped belong together: on a busy machine, queues of one would lose now this, now that.
+        # Each command belongs to one /stopped: with queues of one, a busy machine would drop either of them.
         self.commands = rospy.Publisher("/cmd_vel", Twist, queue_size=10)
         self.stops = rospy.Publisher("/stopped", Bool, queue_size=10, latch=True)
         rospy.Subscriber("/odom", Odometry, self.on_odometry, queue_size=1, tcp_nodelay=True)

@@ -51,7 +51,7 @@ def compile_all(workers: int, report: Callable[[str, int, int], None] = lambda p
         BadRequest: numba is not installed.
     """
     require_numba("compile")
-    # Looking for garbage among all that the compiler keeps takes a twentieth of the time, to spare 150 MB a worker.
+    # Collecting garbage would take a twentieth of the time to save 150 MB a worker.
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=gc.disable) as pool:
         running: dict[Future[None], str] = {pool.submit(part.run): name for name, part in parts().items()}
         report("", 0, len(running))

@@ -229,7 +229,7 @@ def _hasten() -> None:
 
     types.Function.get_call_type = get_call_type  # type: ignore[method-assign,assignment]
 
-    # Every call of what Numba ships compares the flags of its callers, mostly equal ones, looking up each of forty.
+    # At every call of what it ships, Numba compares two sets of compiler flags, mostly equal, one flag after the other.
     config_class = targetconfig.TargetConfig
     compare = config_class.__eq__
 
@@ -238,7 +238,7 @@ def _hasten() -> None:
 
     config_class.__eq__ = is_same
 
-    # Nobody listens to when LLVM is locked and unlocked, which is at every step.
+    # LLVM is locked and unlocked at every step, and Numba reports each time, though nobody listens.
     llvm.ffi.lib._lock._cblist.clear()
 
     # Every call of what Numba ships looks at the signature of its implementation.

@@ -40,7 +40,7 @@ Record = Any
 _PACKAGE = Path(__file__).parent
 _FOLDER = "kernels-"
 _UNUSED = 7 * 24 * 3600
-"""How long a folder of machine code must not have been used to be removed [s]."""
+"""A folder of machine code that nobody has used for this time [s] is removed."""
 
 _LOADING = threading.Lock()
 _loaded: list[Any] = []  # the module that compiles kernels, or None, once that is known

@@ -165,3 +165,8 @@ def test_a_process_whose_folder_is_removed_compiles_again_what_it_misses(tmp_pat
     assert kept.splitlines()[-1] == removed.splitlines()[-1]
     assert removed.endswith("True\n")
     assert _run(LATE, tmp_path / "a") == removed, "a warm one, too"
+
+
+def test_a_folder_that_cannot_be_made_stops_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert _run(CALLED, tmp_path / "file" / "cache") == "True\n"
