@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 from pathlib import Path
@@ -135,6 +136,27 @@ def test_only_what_python_calls_is_optimised_and_the_rest_is_translated_once(tmp
     third = told(tmp_path, "tell(other(2.0), inner(2.0, more=5.0))")
     assert third["results"] == [10.0, 11.0] and third["optimised"] == ["inner", "other"]
     assert "innermost" not in third["translated"]  # type: ignore[operator]
+
+
+def test_compiling_takes_no_new_memory_for_frames_at_every_call_however_deep_its_caller_is(tmp_path: Path) -> None:
+    call = """
+import resource
+
+def faults():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+def taken(depth, function):
+    if depth:
+        return taken(depth - 1, function)
+    before = faults()
+    function(1.0)
+    return faults() - before
+
+made(-1.0)(1.0)
+tell(*(taken(depth, made(float(depth))) for depth in range(0, 120, 3)))
+"""
+    faults: list[int] = told(tmp_path, call)["results"]  # type: ignore[assignment]
+    assert sum(faults) < 2 * len(faults) * statistics.quantiles(faults, n=4)[0]
 
 
 def test_garbage_is_not_collected_while_a_kernel_is_compiled_and_after_that_as_before(tmp_path: Path) -> None:

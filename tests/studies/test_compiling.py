@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
+import pytest
+
 import parcours
-from parcours.compiling import compile_all, parts
+from parcours import compiling
+from parcours.compiling import CompiledPart, compile_all, parts
 
 ROOT = Path(parcours.__file__).parent.parent
 
@@ -30,3 +34,18 @@ def test_every_part_is_told_once() -> None:
     compile_all(2, lambda *one: told.append(one))
     assert {part for part, _, _ in told} == {"", *parts()}
     assert [done for _, done, _ in told] == list(range(len(parts()) + 1))
+
+
+def test_a_process_that_compiles_clears_nothing_when_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # What it keeps would write a file if it were cleared.
+    part = f"""
+import builtins, pathlib
+class Kept:
+    def __del__(self, write=pathlib.Path.write_text, path=pathlib.Path({str(tmp_path)!r})):
+        write(path / "cleared", "")
+builtins.kept = Kept()
+pathlib.Path({str(tmp_path / "run")!r}).write_text("")
+"""
+    monkeypatch.setattr(compiling, "parts", lambda: {"one": CompiledPart(partial(exec, part, {}), 0.0)})
+    compile_all(1)
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
