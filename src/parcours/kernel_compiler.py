@@ -21,7 +21,7 @@ from __future__ import annotations
 import functools
 import gc
 from collections.abc import Callable
-from types import CodeType
+from types import CodeType, FunctionType
 from typing import Any, TypeVar
 
 import llvmlite.binding as llvm
@@ -89,7 +89,7 @@ class _Outer(CPUDispatcher):  # type: ignore[misc]
     def __init__(self, function: Callable[..., object], options: dict[str, Any], inner: Callable[[], _Inner]) -> None:
         super().__init__(function, targetoptions=options)
         self._inner = inner
-        self._compiler.compile = self._optimised
+        self._compiler.compile = self._optimised_with_room
 
     def _optimised(self, arguments: tuple[Any, ...], _: Any) -> CompileResult:
         """Return machine code of the inner form, which `compile` adds and keeps."""
@@ -113,7 +113,7 @@ class _Outer(CPUDispatcher):  # type: ignore[misc]
     # CPython keeps frames in chunks of 16 KB. Where calls come and go across the end of one, it maps the next chunk,
     # clears it, and gives it back at each of them, a tenth of the time. The chunk of so large a frame has 2 MB, half of
     # them for the frames of what this one calls.
-    _optimised.__code__ = _optimised.__code__.replace(co_stacksize=2**17)
+    _optimised_with_room = FunctionType(_optimised.__code__.replace(co_stacksize=2**17), globals())
 
     def add_overload(self, cres: CompileResult) -> None:
         """Add it, and let it know the environments of inner kernels, which have no code of their own."""
