@@ -7,6 +7,9 @@ of three. What is hoped for is 500 cases a second; the ratio says how far each i
 
 Answers to random scenes, which are all new to the planner, are timed one by one (docs/shipped-planners.md).
 
+A step of the world moves a robot by ORCA among three obstacles: ours in a whole case, with what judges it, and
+IR-SIM's (if it is installed) by its reciprocal velocity obstacles, without pictures.
+
 The last two lines are for machines. A step of ORCA is the answer to an observation of three obstacles: ours by
 `observe`, navground's (if it is installed) by `compute_cmd` of a behaviour that knows its neighbours already, the two
 in turn. Batched cases are those of a planner for batches that answers (0, 0), and of a network with two layers.
@@ -15,6 +18,7 @@ in turn. Batched cases are those of a planner for batches that answers (0, 0), a
 from __future__ import annotations
 
 import contextlib
+import tempfile
 import time
 from collections.abc import Callable
 
@@ -34,6 +38,26 @@ from parcours_navigation.study.study import NavigationStudy
 CASES, TRIES = 256, 3
 HOPED = 500.0
 PATH = Trajectory(np.array([[0.0, 0.0, 0.0, 0.78539816], [21.0, 0.6, 0.6, 0.78539816]]))
+
+WORLD = """
+world: {height: 4, width: 4, step_time: 0.05}
+robot:
+  - kinematics: {name: diff}
+    shape: {name: circle, radius: 0.1}
+    state: [0.5, 0.5, 0.78]
+    goal: [3.5, 3.5, 0.78]
+    vel_max: [0.33, 1.5]
+    behavior: {name: rvo}
+obstacle:
+  - number: 3
+    distribution: {name: manual}
+    kinematics: {name: diff}
+    shape: {name: circle, radius: 0.1}
+    state: [[1.5, 2.5, 0.0], [2.5, 1.5, 3.0], [3.0, 3.0, -1.57]]
+    goal: [[3.5, 2.5], [0.5, 1.5], [3.0, 0.5]]
+    vel_max: [0.25, 1.5]
+    behavior: {name: dash}
+"""  # for IR-SIM: none arrives in the steps that are timed
 
 
 def stand(observation: Observation) -> Answer:
@@ -135,6 +159,28 @@ def orca_steps() -> tuple[float, float]:
     return mine, others
 
 
+def world_step(n_steps: int = 100) -> float:
+    """Return the processor time of a step of IR-SIM's world [us]; NaN if that is not installed."""
+    try:
+        with contextlib.redirect_stdout(None):  # it says which windows there are not
+            import irsim
+    except ImportError:
+        return float("nan")
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as scene:
+        scene.write(WORLD)
+        scene.flush()
+        world = irsim.make(scene.name, headless=True, disable_all_plot=True, log_level="ERROR")
+    took = float("inf")
+    for _ in range(TRIES):
+        world.reset()
+        begin = time.process_time()
+        for _ in range(n_steps):
+            world.step()
+        took = min(took, time.process_time() - begin)
+    world.end()
+    return took / n_steps * 1e6
+
+
 def main() -> None:
     """Print one line a planner: cases a second, microseconds an observation."""
     cases = SystemCases(1)
@@ -144,6 +190,7 @@ def main() -> None:
     begin = time.process_time()
     cases.obstacles(np.arange(CASES))
     drawing = time.process_time() - begin
+    step: dict[str, float] = {}
     print(f"drawing the cases themselves: {drawing / CASES * 1e6:.0f} us a case")
     for name, planner, n in (("a function that stands", stand, CASES), ("None", silent, CASES),
                              ("a trajectory each time", path, CASES), ("stand-still", "stand-still", CASES),
@@ -162,6 +209,8 @@ def main() -> None:
             f" {asked / n:>4.0f} a case; {n / took / HOPED:>5.2f} x {HOPED:.0f} cases/s",
             flush=True,
         )
+        step[name] = took / asked * 1e6
+    print(f"world us/step: {step['orca']:.2f}, IR-SIM {world_step():.0f}")
     for one in (Orca, Dwa, Mppi):
         few, many = observed(one, 3), observed(one, 50)
         print(f"{one.__name__.lower():5} {few:>5.1f} us an answer to a random scene of 3 obstacles, {many:.1f} of 50")
