@@ -53,11 +53,16 @@ format: $(VENV)/.developer
 fuzz: $(VENV)/.developer
 	$(BIN)/python tests/fuzz/test_fuzz_readers.py --seconds 60
 
+BENCHES := criteria.py solving.py "space.py --largest 5" "walking.py --steps 200000" arrays.py start.py agents.py \
+	"worlds.py --tracks 300" growth.py "ground.py --pairs 20000" transport.py "hosts.py --repeats 10" "stuck.py --cases 300" \
+	"stopping.py --campaigns 1000" "rare.py --known 4 --mutants 0" "requirements.py --formulas 1000" planners.py studio.py \
+	compare.py system.py
+
+bench: SHELL := bash
+bench: export PYTHONUNBUFFERED := 1
 bench: $(VENV)/.developer
-	for part in criteria.py solving.py "space.py --largest 5" "walking.py --steps 200000" arrays.py \
-		start.py agents.py "worlds.py --tracks 300" growth.py "ground.py --pairs 20000" transport.py "hosts.py --repeats 10" \
-		"stuck.py --cases 300" "stopping.py --campaigns 1000" "rare.py --known 4 --mutants 0" "requirements.py --formulas 1000" planners.py studio.py compare.py system.py; do \
-		echo "== $$part"; $(BIN)/python bench/bench_$$part || exit 1; done
+	@mkdir -p out; set -o pipefail; for part in $(BENCHES); do echo "== $$part"; $(BIN)/python bench/bench_$$part || exit 1; done | tee out/bench.txt
+	@grep -E '^(system cases/s/core|orca us/step|batched cases/s): ' out/bench.txt
 
 clean:
 	rm -rf $(VENV) .venv-ros1 .venv-ros2 out build dist .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -62,9 +62,9 @@ def compile_all(workers: int, report: Callable[[str, int, int], None] = lambda p
 
 
 def _clear_nothing() -> None:
-    """Spare this process clearing memory, as long as it works and when it ends.
+    """Clear no memory in this process, neither while it works nor when it ends.
 
-    To collect garbage would take a twentieth of the time to save 150 MB; to end as usual takes two seconds and more.
+    Collecting garbage would take a twentieth of the time to save 150 MB, and an ordinary exit two seconds or more.
     """
     gc.disable()
     atexit.register(os._exit, 0)

@@ -110,9 +110,9 @@ class _Outer(CPUDispatcher):  # type: ignore[misc]
             if collects:
                 gc.enable()
 
-    # CPython keeps frames in chunks of 16 KB. Where calls come and go across the end of one, it maps the next chunk,
-    # clears it, and gives it back at each of them, a tenth of the time. The chunk of so large a frame has 2 MB, half of
-    # them for the frames of what this one calls.
+    # CPython keeps frames in chunks of 16 KB. Where calls cross the end of one, it maps and unmaps the next chunk at
+    # every call, which took a tenth of the time. A frame as large as this gets a chunk of 2 MB, and half of that is
+    # left for the frames of what it calls.
     _optimised_with_room = FunctionType(_optimised.__code__.replace(co_stacksize=2**17), globals())
 
     def add_overload(self, cres: CompileResult) -> None:
